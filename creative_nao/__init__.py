@@ -1,0 +1,1 @@
+"""A robot invents movements of its own, and its creativity is measured."""

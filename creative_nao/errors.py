@@ -1,0 +1,44 @@
+"""Every error that a user can cause, so that one `except CreativeNaoError` catches them all.
+
+Each class also derives from the built-in it refines. A message names the input, what was expected, what came and,
+where there is one, the next step; the command line prints it as one line.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class CreativeNaoError(Exception):
+    """Base of all errors that a user of creative_nao can cause."""
+
+
+class ShapeError(CreativeNaoError, ValueError):
+    """An array has the wrong shape, type or values."""
+
+
+class SettingsError(CreativeNaoError, ValueError):
+    """A setting is outside its range; the message names the field."""
+
+
+class FileFormatError(CreativeNaoError, ValueError):
+    """A file exists but does not hold what it should; the message names the file and the part."""
+
+
+class NotFoundError(CreativeNaoError, LookupError):
+    """A name or a file does not exist; the message offers the nearest known name."""
+
+
+class MissingDependencyError(CreativeNaoError, ImportError):
+    """An optional package or a system library is missing; the message says how to install it."""
+
+
+class TrainingError(CreativeNaoError, ArithmeticError):
+    """Training could not go on: the loss is no longer a finite number."""
+
+
+def nearest_name(name: str, known: Iterable[str]) -> str:
+    """Return `` (did you mean `x`?)`` for the known name most like `name`, else an empty string."""
+    matches = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    return f" (did you mean `{matches[0]}`?)" if matches else ""

@@ -1,0 +1,64 @@
+"""The eight arm joints that carry an action: names, order, limits. Nothing else in the project fixes the order.
+
+Names, signs and the zero pose are NAOqi's: the left arm mirrors the right by changing the sign of roll and yaw.
+Ranges are those of the NAO H25 documentation, equal in V4, V5 and V6 [rad].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+JOINTS: tuple[str, ...] = (
+    "RShoulderPitch",
+    "RShoulderRoll",
+    "RElbowYaw",
+    "RElbowRoll",
+    "LShoulderPitch",
+    "LShoulderRoll",
+    "LElbowYaw",
+    "LElbowRoll",
+)
+"""Order of the columns of every trajectory."""
+
+N_JOINTS = len(JOINTS)
+
+LIMITS_RAD: dict[str, tuple[float, float]] = {
+    "RShoulderPitch": (-2.0857, 2.0857),
+    "RShoulderRoll": (-1.3265, 0.3142),
+    "RElbowYaw": (-2.0857, 2.0857),
+    "RElbowRoll": (0.0349, 1.5446),
+    "LShoulderPitch": (-2.0857, 2.0857),
+    "LShoulderRoll": (-0.3142, 1.3265),
+    "LElbowYaw": (-2.0857, 2.0857),
+    "LElbowRoll": (-1.5446, -0.0349),
+}
+"""Smallest and largest angle of each joint [rad]."""
+
+MAX_SPEED_RAD_S: dict[str, float] = {
+    "RShoulderPitch": 7.94,
+    "RShoulderRoll": 6.47,
+    "RElbowYaw": 7.46,
+    "RElbowRoll": 6.47,
+    "LShoulderPitch": 7.94,
+    "LShoulderRoll": 6.47,
+    "LElbowYaw": 7.46,
+    "LElbowRoll": 6.47,
+}
+"""No-load speed of each joint, from the NAO6 motor data and gear ratios [rad/s]."""
+
+ENCODER_STEP_RAD = 2.0 * np.pi / 4096
+"""One count of the 12-bit joint encoders [rad]."""
+
+MIRROR_SIGN: np.ndarray = np.array([1.0, -1.0, -1.0, -1.0])
+"""Factor that turns (ShoulderPitch, ShoulderRoll, ElbowYaw, ElbowRoll) of one arm into the other arm's."""
+
+
+def limits(joints: tuple[str, ...] = JOINTS) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lower and the upper limits [rad] of `joints`, each of shape (n_joints,)."""
+    pairs = np.array([LIMITS_RAD[joint] for joint in joints])
+    return pairs[:, 0].copy(), pairs[:, 1].copy()
+
+
+def read_encoder(angles: np.ndarray) -> np.ndarray:
+    """Round joint angles [rad] of any shape to whole counts of the 12-bit encoders, as the robot reports them."""
+    return np.round(np.asarray(angles, dtype=np.float64) / ENCODER_STEP_RAD) * ENCODER_STEP_RAD

@@ -1,0 +1,1 @@
+"""Measures of movements: NumPy arrays in, numbers out."""

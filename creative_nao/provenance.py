@@ -1,0 +1,48 @@
+"""What every result carries: the command, the settings and the versions that made it."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import importlib.metadata
+import os
+import platform
+import shlex
+import sys
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("creative-nao", "numpy", "torch", "numba", "mujoco", "dm-control", "gymnasium", "stable-baselines3")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that can change a result; absent ones are left out."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def command_line() -> str:
+    """Return the running command as one could type it again, with the program's folder left out."""
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+
+
+def record(*, settings: dict[str, Any], command: str | None = None) -> dict[str, Any]:
+    """Return the provenance of a result: command, settings, versions, platform and the time in UTC."""
+    return {
+        "command": command_line() if command is None else command,
+        "settings": settings,
+        "versions": versions(),
+        "platform": f"{platform.system()} {platform.machine()}",
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }
+
+
+def sha256(path: str | os.PathLike[str]) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
