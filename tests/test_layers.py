@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "creative_nao"
-BASE = {"joints", "errors", "atomic", "provenance"}
+BASE = {"joints", "errors", "atomic", "provenance", "tensorfile"}
 ORDER = ["cli", "explorer", "evaluation", "agents", "envs", "pb_space", "model", "demonstrations", "measures", "robot"]
 MAY_IMPORT = {part: set(ORDER[place + 1 :]) | BASE for place, part in enumerate(ORDER)}
 MAY_IMPORT["measures"] = BASE  # siblings: measures and robot know nothing of each other

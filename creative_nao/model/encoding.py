@@ -1,0 +1,102 @@
+"""The softmax code in which the network reads and writes joint angles (Eq. 6 and 7)."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from creative_nao.errors import SettingsError, ShapeError
+
+
+class SoftmaxEncoding:
+    """Each joint is a population of `n_units` softmax units with evenly spaced reference angles.
+
+    The references of a joint run from its smallest to its largest angle in the demonstrations. `sigma` is in units of the
+    squared spacing of those references (docs/decisions.md says why) or, with ``sigma_unit="rad2"``, in rad^2. The code is
+    lossy near the ends of the range: with ten units and sigma 0.5, the end of a 2 rad range decodes 0.03 rad short.
+
+    Args:
+        low: Smallest angle of each joint [rad], shape (n_joints,).
+        high: Largest angle of each joint [rad], shape (n_joints,), greater than `low`.
+        n_units: Softmax units per joint, at least 2.
+        sigma: Width of the code, positive.
+        sigma_unit: `spacing2` or `rad2`.
+
+    Raises:
+        SettingsError: If a joint has no range or a setting is out of range.
+
+    Example:
+        >>> encoding = SoftmaxEncoding(low=[-1.0], high=[1.0], n_units=3, sigma=0.5)
+        >>> encoding.encode(np.array([0.0])).round(3)
+        array([0.107, 0.787, 0.107])
+        >>> encoding.decode(encoding.encode(np.array([0.25]))).round(3)
+        array([0.239])
+    """
+
+    def __init__(
+        self,
+        low: np.ndarray | list[float],
+        high: np.ndarray | list[float],
+        n_units: int = 10,
+        sigma: float = 0.5,
+        sigma_unit: Literal["spacing2", "rad2"] = "spacing2",
+    ) -> None:
+        self.low = np.asarray(low, dtype=np.float64)
+        self.high = np.asarray(high, dtype=np.float64)
+        if self.low.ndim != 1 or self.low.shape != self.high.shape:
+            raise SettingsError(
+                f"`low` and `high` should both have shape (n_joints,), but have {self.low.shape} and {self.high.shape}"
+            )
+        still = np.flatnonzero(~(self.high > self.low))
+        if still.size:
+            raise SettingsError(
+                f"joint {still[0]} does not move in the demonstrations: its angles reach from {self.low[still[0]]} to "
+                f"{self.high[still[0]]} rad, so its reference angles would coincide"
+            )
+        self.n_units = n_units
+        self.references = np.linspace(self.low, self.high, n_units, axis=1)  # (n_joints, n_units)
+        spacing = self.references[:, 1] - self.references[:, 0]
+        self._width = sigma * spacing**2 if sigma_unit == "spacing2" else np.full_like(spacing, sigma)
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return len(self.low)
+
+    @property
+    def n_codes(self) -> int:
+        """Length of the code of one posture: n_joints * n_units."""
+        return self.references.size
+
+    def encode(self, angles: np.ndarray) -> np.ndarray:
+        """Turn joint angles into the softmax code the network reads (Eq. 6).
+
+        Args:
+            angles: Joint angles [rad], shape (..., n_joints).
+
+        Returns:
+            Shape (..., n_joints * n_units), joint by joint; each group is non-negative and sums to 1.
+
+        Raises:
+            ShapeError: If the last axis does not hold `n_joints` angles.
+        """
+        angles = np.asarray(angles, dtype=np.float64)
+        if angles.ndim < 1 or angles.shape[-1] != self.n_joints:
+            raise ShapeError(f"`angles` should have shape (..., {self.n_joints}), but has {angles.shape}")
+        exponent = -((self.references - angles[..., None]) ** 2) / self._width[:, None]
+        code = np.exp(exponent - exponent.max(axis=-1, keepdims=True))
+        code /= code.sum(axis=-1, keepdims=True)
+        return code.reshape(*angles.shape[:-1], self.n_codes)
+
+    def decode(self, codes: np.ndarray) -> np.ndarray:
+        """Turn softmax codes back into joint angles [rad] (Eq. 7): shape (..., n_codes) into (..., n_joints).
+
+        Raises:
+            ShapeError: If the last axis does not hold `n_codes` values.
+        """
+        codes = np.asarray(codes)
+        if codes.ndim < 1 or codes.shape[-1] != self.n_codes:
+            raise ShapeError(f"`codes` should have shape (..., {self.n_codes}), but has {codes.shape}")
+        grouped = codes.reshape(*codes.shape[:-1], self.n_joints, self.n_units)
+        return (grouped * self.references).sum(axis=-1)
