@@ -1,1 +1,27 @@
-"""demonstrations."""
+"""The basic actions a network learns from: what they are, where they come from, how to bring your own.
+
+- `load_demonstrations`, `save_demonstrations`: a folder of CSV files (`files.py`); the six ship with the package.
+- `load_trajectory`, `save_trajectory`: one CSV file (`csv_format.py`), at any rate (`resampling.py`).
+- `Demonstrations`: names, trajectories, tick, joints and record, checked (`dataset.py`).
+- `ACTIONS`, `keyframes`, `Movement`: the six boxing actions as key postures (`keyframes.py`).
+- `Variation`, `vary`: how a person's hand differs from them (`variation.py`).
+"""
+
+from creative_nao.demonstrations.csv_format import load_trajectory, save_trajectory
+from creative_nao.demonstrations.dataset import Demonstrations
+from creative_nao.demonstrations.files import load_demonstrations, save_demonstrations
+from creative_nao.demonstrations.keyframes import ACTIONS, Movement, keyframes
+from creative_nao.demonstrations.variation import Variation, vary
+
+__all__ = [
+    "ACTIONS",
+    "Demonstrations",
+    "Movement",
+    "Variation",
+    "keyframes",
+    "load_demonstrations",
+    "load_trajectory",
+    "save_demonstrations",
+    "save_trajectory",
+    "vary",
+]

@@ -1,0 +1,167 @@
+"""One trajectory as a CSV file: header `time_s,RShoulderPitch,...`, then one posture a line, in seconds and radians.
+
+Columns may stand in any order and the postures at any rate; further columns are read over. Every fault is reported with
+the file, the line or the column, what was expected and what was found.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from pathlib import Path
+
+import numpy as np
+
+from creative_nao import atomic
+from creative_nao.demonstrations.dataset import outside_range
+from creative_nao.demonstrations.keyframes import DT_S
+from creative_nao.demonstrations.resampling import n_ticks, resample
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError, nearest_name
+from creative_nao.joints import JOINTS
+
+TIME_COLUMN = "time_s"
+MAX_FILE_BYTES = 20_000_000
+MAX_STEPS = 10_000
+"""Longest trajectory a file may hold, in ticks; more is a mistake in the unit of time."""
+
+
+def load_trajectory(
+    path: str | os.PathLike[str], dt_s: float = DT_S, joints: tuple[str, ...] | None = JOINTS
+) -> np.ndarray:
+    """Read a trajectory from a CSV file and bring it to the tick `dt_s`.
+
+    Args:
+        path: The file: UTF-8 text, commas between columns, a point as decimal mark.
+        dt_s: Tick of the result [s]; `resampling.py` tells how another rate is brought to it.
+        joints: Columns to read, in this order. None reads every column but the time, in the file's order.
+
+    Returns:
+        Joint angles [rad], shape (n_steps, n_joints).
+
+    Raises:
+        NotFoundError: If there is no such file.
+        FileFormatError: If the file does not hold a trajectory; the message says where and why.
+    """
+    if not (np.isfinite(dt_s) and dt_s > 0):
+        raise SettingsError(f"`dt_s` should be a positive number of seconds, but is {dt_s}.")
+    path = Path(path)
+    header, rows = _read_table(path)
+    wanted = tuple(name for name in header if name != TIME_COLUMN) if joints is None else joints
+    for name in (TIME_COLUMN, *wanted):
+        if name not in header:
+            raise FileFormatError(
+                f"{path}: column `{name}` is missing{nearest_name(name, header)}; the header has {', '.join(header)}."
+            )
+    columns = [header.index(name) for name in (TIME_COLUMN, *wanted)]
+    values = np.array([[_number(row[c], header[c], path, line) for c in columns] for line, row in rows])
+    times, angles = values[:, 0], values[:, 1:]
+
+    late = np.flatnonzero(np.diff(times) <= 0)
+    if len(late):
+        k = int(late[0]) + 1
+        raise FileFormatError(
+            f"{path}: line {rows[k][0]}: `{TIME_COLUMN}` should rise from line to line, "
+            f"but is {times[k]:g} after {times[k - 1]:g}."
+        )
+    found = outside_range(angles, wanted)
+    if found:
+        row, column, clause = found
+        raise FileFormatError(f"{path}: line {rows[row][0]}: `{wanted[column]}` {clause}.")
+    duration = float(times[-1] - times[0])
+    if duration < dt_s * (1.0 - 1e-6):
+        raise FileFormatError(f"{path}: lasts {duration:g} s, shorter than one tick of {dt_s:g} s.")
+    if duration / dt_s > MAX_STEPS:
+        raise FileFormatError(
+            f"{path}: lasts {duration:g} s, {n_ticks(duration, dt_s)} ticks of {dt_s:g} s, "
+            f"expected at most {MAX_STEPS}; is `{TIME_COLUMN}` in seconds, not milliseconds?"
+        )
+    return resample(times, angles, dt_s)
+
+
+def save_trajectory(
+    path: str | os.PathLike[str], trajectory: np.ndarray, dt_s: float = DT_S, joints: tuple[str, ...] = JOINTS
+) -> Path:
+    """Write a trajectory as CSV so that `load_trajectory` gives back the same bits; the file is replaced in one step.
+
+    Args:
+        path: Where to write.
+        trajectory: Joint angles [rad], shape (n_steps, n_joints).
+        dt_s: Time from one posture to the next [s].
+        joints: Name of each column.
+
+    Returns:
+        The path.
+
+    Raises:
+        ShapeError: If the trajectory is not a finite array of that shape.
+    """
+    angles = np.asarray(trajectory, dtype=np.float64)
+    if angles.ndim != 2 or angles.shape[1] != len(joints) or not np.isfinite(angles).all():
+        raise ShapeError(
+            f"`trajectory` should be finite with shape (n_steps, {len(joints)}), one column for each of "
+            f"{', '.join(joints)}, but has {angles.shape}."
+        )
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([TIME_COLUMN, *joints])
+    for step, posture in enumerate(angles):
+        writer.writerow([repr(round(step * dt_s, 9)), *(repr(float(angle)) for angle in posture)])
+    return atomic.write_text(path, text.getvalue())
+
+
+def column_names(path: Path) -> list[str]:
+    """Return the header of a CSV file."""
+    return _read_table(path)[0]
+
+
+def _read_table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Return the header and the lines, each with its number, all as wide as the header."""
+    if not path.is_file():
+        raise NotFoundError(f"no trajectory at {path}.")
+    size = path.stat().st_size
+    if size > MAX_FILE_BYTES:
+        raise FileFormatError(f"{path}: has {size} bytes, expected at most {MAX_FILE_BYTES}.")
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path}: byte {error.start} is not UTF-8 text; save the file as CSV in UTF-8.") from None
+    reader = csv.reader(io.StringIO(text, newline=""))
+    try:
+        lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
+    except csv.Error as error:
+        raise FileFormatError(f"{path}: line {reader.line_num}: not a line of CSV ({error}).") from None
+    table = [(line, row) for line, row in lines if any(row)]
+    if not table:
+        raise FileFormatError(f"{path}: is empty, expected the header `{TIME_COLUMN},{','.join(JOINTS)}`.")
+    header = table[0][1]
+    if len(header) == 1 and (";" in header[0] or "\t" in header[0]):
+        mark = "semicolons" if ";" in header[0] else "tabs"
+        raise FileFormatError(
+            f"{path}: line {table[0][0]}: has {mark} between the columns, expected commas, and a point as decimal mark."
+        )
+    repeated = [name for name in header if header.count(name) > 1]
+    if repeated:
+        raise FileFormatError(f"{path}: column `{repeated[0]}` stands in the header more than once.")
+    for line, row in table[1:]:
+        if len(row) != len(header):
+            hint = "; perhaps a comma is the decimal mark" if len(row) > len(header) else ""
+            raise FileFormatError(
+                f"{path}: line {line}: has {len(row)} columns, expected {len(header)} as the header{hint}"
+            )
+    if len(table) < 3:
+        raise FileFormatError(f"{path}: has {len(table) - 1} postures, expected at least 2.")
+    return header, table[1:]
+
+
+def _number(cell: str, column: str, path: Path, line: int) -> float:
+    try:
+        if "_" in cell:  # Python reads 1_000 as a number, no other program does
+            raise ValueError
+        value = float(cell)
+    except ValueError:
+        hint = "; a decimal comma? expected a point" if "," in cell else ""
+        raise FileFormatError(f"{path}: line {line}: `{column}` is `{cell[:40]}`, expected a number{hint}.") from None
+    if not np.isfinite(value):
+        raise FileFormatError(f"{path}: line {line}: `{column}` is `{cell[:40]}`, expected a finite number.")
+    return value

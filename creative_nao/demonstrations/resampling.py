@@ -1,0 +1,76 @@
+"""From the rate of a recording to the network's tick, without bending a fast punch.
+
+Between the samples a monotone cubic (Fritsch and Carlson 1980) never overshoots a posture that was recorded. A
+recording finer than the tick holds movement that the tick cannot (tremor at 10 Hz against 3.3 Hz), which plain picking
+would turn into a slow wobble that nobody made. So each posture is a mean over a Hann window, as wide as the tick less
+the spacing of the recording: of a 50 Hz recording read at 0.15 s, a 1.5 Hz swing keeps 98 % of its size and a 10 Hz
+tremor 27 %. A recording at the tick itself is taken as it is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+GRID_TOLERANCE_S = 1e-6
+"""Times this close to the tick's grid are on it [s]."""
+
+_WINDOW_POINTS = 33
+
+
+def n_ticks(duration_s: float, dt_s: float) -> int:
+    """Return how many postures at `dt_s` fit a recording of `duration_s` seconds, the first one at its start."""
+    return int(np.floor(duration_s / dt_s + GRID_TOLERANCE_S)) + 1
+
+
+def resample(times_s: np.ndarray, angles: np.ndarray, dt_s: float) -> np.ndarray:
+    """Return the recorded postures at every `dt_s` seconds, from the first sample on.
+
+    Args:
+        times_s: When each posture was recorded [s], strictly rising, shape (n,), at least two; spacing may vary.
+        angles: Recorded postures [rad], shape (n, n_joints).
+        dt_s: The tick [s].
+
+    Returns:
+        Postures [rad], shape (n_steps, n_joints).
+    """
+    times = np.asarray(times_s, dtype=np.float64) - times_s[0]
+    ticks = np.arange(n_ticks(times[-1], dt_s)) * dt_s
+    if len(ticks) == len(times) and np.abs(ticks - times).max() <= GRID_TOLERANCE_S:
+        return np.array(angles, dtype=np.float64)
+    width = dt_s - float(np.median(np.diff(times)))
+    if width <= 0:
+        return monotone_cubic(times, angles, ticks)
+    share = (np.arange(_WINDOW_POINTS) + 0.5) / _WINDOW_POINTS
+    weights = np.sin(np.pi * share) ** 2
+    weights /= weights.sum()
+    around = ticks[:, None] + width * (share - 0.5)
+    fine = monotone_cubic(times, angles, around.ravel())
+    return np.einsum("w,nwj->nj", weights, fine.reshape(len(ticks), _WINDOW_POINTS, -1))
+
+
+def monotone_cubic(times_s: np.ndarray, angles: np.ndarray, wanted_s: np.ndarray) -> np.ndarray:
+    """Return the monotone cubic through `(times_s, angles)` at `wanted_s`, the end postures held outside.
+
+    Slopes are the weighted harmonic mean of the neighbouring differences, and zero at a turning point.
+    """
+    step = np.diff(times_s)[:, None]
+    rise = np.diff(angles, axis=0) / step
+    slope = np.zeros_like(angles, dtype=np.float64)
+    if len(times_s) > 2:
+        before, after = rise[:-1], rise[1:]
+        near, far = 2.0 * step[1:] + step[:-1], step[1:] + 2.0 * step[:-1]
+        same_way = before * after > 0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = (near + far) / (near / before + far / after)
+        slope[1:-1] = np.where(same_way, mean, 0.0)
+    slope[0], slope[-1] = rise[0], rise[-1]
+    wanted = np.clip(wanted_s, times_s[0], times_s[-1])
+    k = np.clip(np.searchsorted(times_s, wanted, side="right") - 1, 0, len(times_s) - 2)
+    h = step[k]
+    s = (wanted - times_s[k])[:, None] / h
+    return (
+        angles[k] * (1.0 + 2.0 * s) * (1.0 - s) ** 2
+        + slope[k] * h * s * (1.0 - s) ** 2
+        + angles[k + 1] * s**2 * (3.0 - 2.0 * s)
+        + slope[k + 1] * h * s**2 * (s - 1.0)
+    )
