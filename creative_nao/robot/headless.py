@@ -1,0 +1,65 @@
+"""Choose how MuJoCo draws before it is first imported, so that physics runs on a machine without display or GL.
+
+MuJoCo and dm_control read MUJOCO_GL once, when they are imported, and a back end that cannot be loaded breaks that very
+import.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+
+_EGL_PLATFORM_DEVICE = 0x313F
+_MAX_DEVICES = 16
+
+
+def prepare() -> None:
+    """Set MUJOCO_GL to `egl`, `osmesa` or `disable`, the first that works here, unless the user or a display decides.
+
+    Nothing happens when MUJOCO_GL is set, when a display is there, off Linux, or when MuJoCo is already imported.
+    """
+    if os.environ.get("MUJOCO_GL") or not sys.platform.startswith("linux") or "mujoco" in sys.modules:
+        return
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        return
+    os.environ["MUJOCO_GL"] = working_backend()
+
+
+def working_backend() -> str:
+    """Return the best off-screen back end that this machine can start: `egl`, `osmesa` or `disable`."""
+    if _egl_starts() and (_loads("libOpenGL.so.0") or _loads("libGL.so.1")):
+        return "egl"
+    if _loads("libOSMesa.so.8") or _loads("libOSMesa.so.6"):
+        return "osmesa"
+    return "disable"
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+def _egl_starts() -> bool:
+    """Try to start a device: the library alone, without a driver, makes the import of dm_control fail."""
+    try:
+        egl = ctypes.CDLL("libEGL.so.1")
+        address = egl.eglGetProcAddress
+    except (OSError, AttributeError):
+        return False
+    address.restype, address.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
+    query, display_of = address(b"eglQueryDevicesEXT"), address(b"eglGetPlatformDisplayEXT")
+    if not query or not display_of:
+        return False
+    handle, integer = ctypes.c_void_p, ctypes.c_int
+    query_devices = ctypes.CFUNCTYPE(ctypes.c_uint, integer, ctypes.POINTER(handle), ctypes.POINTER(integer))(query)
+    get_display = ctypes.CFUNCTYPE(handle, ctypes.c_uint, handle, handle)(display_of)
+    egl.eglInitialize.argtypes = [handle, handle, handle]
+    devices, count = (handle * _MAX_DEVICES)(), integer(0)
+    if not query_devices(_MAX_DEVICES, devices, ctypes.byref(count)):
+        return False
+    displays = (get_display(_EGL_PLATFORM_DEVICE, devices[number], None) for number in range(count.value))
+    return any(display and egl.eglInitialize(display, None, None) for display in displays)

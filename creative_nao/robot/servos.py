@@ -1,0 +1,74 @@
+"""The servos: gains chosen by measurement, and stiffness as NAO has it, a limit of the motor torque between 0 and 1."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from creative_nao.errors import SettingsError
+from creative_nao.robot.tables import Link
+
+_LEG_PARTS = ("Hip", "Knee", "Ankle")
+
+
+@dataclasses.dataclass(frozen=True)
+class ServoSettings:
+    """Gains of the position servos; none are published, these track brisk punches within the torque limits."""
+
+    arm_kp: float = 60.0
+    """Proportional gain of arms and head [N m/rad]."""
+    arm_kd: float = 0.6
+    """Derivative gain of arms and head [N m s/rad]."""
+    leg_kp: float = 120.0
+    """Proportional gain of the legs [N m/rad]; a sway of the trunk must not exhaust it."""
+    leg_kd: float = 2.0
+    """Derivative gain of the legs [N m s/rad]."""
+    damping: float = 0.1
+    """Viscous friction of every joint [N m s/rad]."""
+    friction_loss: float = 0.03
+    """Dry friction of every joint [N m]."""
+
+    def gains(self, link: Link) -> tuple[float, float]:
+        """Return the proportional and the derivative gain of the servo that moves `link`."""
+        if any(part in link.joint for part in _LEG_PARTS):
+            return self.leg_kp, self.leg_kd
+        return self.arm_kp, self.arm_kd
+
+
+class Stiffness:
+    """Sets the stiffness of single joints at run time, by scaling the torque limits of the compiled model.
+
+    0 frees the joint, 1 allows the full torque. The model is shared by everyone who simulates with it: set it back
+    to 1.
+
+    Args:
+        model: The compiled `mujoco.MjModel`.
+        actuator_ids: Where each joint's actuator stands in the model.
+    """
+
+    def __init__(self, model: Any, actuator_ids: dict[str, int]) -> None:
+        self._model = model
+        self._ids = dict(actuator_ids)
+        self._full_range = model.actuator_forcerange.copy()
+
+    def set(self, joints: tuple[str, ...], stiffness: float) -> None:
+        """Limit the torque of `joints` to `stiffness` (0 to 1) times their full torque.
+
+        Raises:
+            SettingsError: If `stiffness` lies outside 0 to 1 or a joint has no motor of its own.
+        """
+        if not 0.0 <= stiffness <= 1.0:
+            raise SettingsError(f"`stiffness` should lie between 0 (limp) and 1 (full torque), but is {stiffness}.")
+        unknown = [joint for joint in joints if joint not in self._ids]
+        if unknown:
+            raise SettingsError(
+                f"`joints` should name motorised joints, but {unknown[0]!r} is none of {list(self._ids)}."
+            )
+        rows = np.array([self._ids[joint] for joint in joints], dtype=int)
+        self._model.actuator_forcerange[rows] = stiffness * self._full_range[rows]
+
+    def reset(self) -> None:
+        """Give every joint its full torque again."""
+        self._model.actuator_forcerange[:] = self._full_range
