@@ -1,7 +1,7 @@
 """Files of named arrays with a JSON header, in the safetensors format: nothing in them can run.
 
-A memory, a checkpoint and an agent bundle are such files. Before the arrays are read, the frame is checked byte by byte, so that
-a torn or foreign file is named together with the part that is wrong.
+A memory, a checkpoint and an agent bundle are such files. Before the arrays are read, the frame is checked byte by
+byte, so that a torn or foreign file is named together with the part that is wrong.
 """
 
 from __future__ import annotations
@@ -74,7 +74,9 @@ def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, 
 def _check_frame(path: Path, kind: str, content: bytes) -> dict[str, Any]:
     """Check lengths and offsets of a safetensors file; return its metadata."""
     if len(content) < 8:
-        raise FileFormatError(f"{path}: not a {kind} file: the header length needs 8 bytes, the file has {len(content)}")
+        raise FileFormatError(
+            f"{path}: not a {kind} file: the header length needs 8 bytes, the file has {len(content)}"
+        )
     length = int.from_bytes(content[:8], "little")
     if length > MAX_HEADER_BYTES:
         raise FileFormatError(f"{path}: not a {kind} file: its first 8 bytes announce a header of {length} bytes")
@@ -98,7 +100,9 @@ def _check_frame(path: Path, kind: str, content: bytes) -> dict[str, Any]:
     return metadata
 
 
-def take(path: str | os.PathLike[str], tensors: dict[str, np.ndarray], name: str, shape: tuple[int | None, ...]) -> np.ndarray:
+def take(
+    path: str | os.PathLike[str], tensors: dict[str, np.ndarray], name: str, shape: tuple[int | None, ...]
+) -> np.ndarray:
     """Return the array `name` after checking its shape (None matches any size) and that all values are finite.
 
     Raises:

@@ -12,9 +12,10 @@ from creative_nao.errors import SettingsError, ShapeError
 class SoftmaxEncoding:
     """Each joint is a population of `n_units` softmax units with evenly spaced reference angles.
 
-    The references of a joint run from its smallest to its largest angle in the demonstrations. `sigma` is in units of the
-    squared spacing of those references (docs/decisions.md says why) or, with ``sigma_unit="rad2"``, in rad^2. The code is
-    lossy near the ends of the range: with ten units and sigma 0.5, the end of a 2 rad range decodes 0.03 rad short.
+    The references of a joint run from its smallest to its largest angle in the demonstrations. `sigma` is in units of
+    the squared spacing of those references (docs/decisions.md says why) or, with ``sigma_unit="rad2"``, in rad^2. The
+    code is lossy near the ends of the range: with ten units and sigma 0.5, the end of a 2 rad range decodes 0.03 rad
+    short.
 
     Args:
         low: Smallest angle of each joint [rad], shape (n_joints,).

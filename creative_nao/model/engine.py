@@ -1,0 +1,145 @@
+"""The two interchangeable ways to run training epochs: compiled (`fused`) and readable (`reference`).
+
+Both advance the same `TrainingState` and obey the same rule: the loss of an epoch is that of the weights before its
+step, and the weights of the epoch with the lowest loss are kept.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from creative_nao.errors import TrainingError
+from creative_nao.model.config import NetworkSettings, TrainingSettings
+from creative_nao.model.parameters import initial_vector, layer_time_constants, neighbour_mask, parameter_shapes, views
+from creative_nao.model.targets import target_entropy
+
+
+@dataclasses.dataclass
+class TrainingState:
+    """Everything that decides how training goes on: saved in a checkpoint, a resumed run gives the same bits."""
+
+    vector: np.ndarray
+    """Parameters, (n_parameters,) float32."""
+    first_moment: np.ndarray
+    """Adam's running mean of the gradient."""
+    second_moment: np.ndarray
+    """Adam's running mean of the squared gradient."""
+    best_vector: np.ndarray
+    """Parameters of the epoch with the lowest loss so far."""
+    loss_history: np.ndarray
+    """Loss of each epoch done (Eq. 4, summed over actions), (epoch,) float64."""
+    best_loss: float = math.inf
+    best_epoch: int = 0
+
+    @property
+    def epoch(self) -> int:
+        """Number of epochs done."""
+        return len(self.loss_history)
+
+    @classmethod
+    def initial(cls, settings: NetworkSettings, n_codes: int, n_actions: int, seed: int) -> TrainingState:
+        """Return the state before the first epoch."""
+        vector = initial_vector(settings, n_codes, n_actions, seed)
+        return cls(vector, np.zeros_like(vector), np.zeros_like(vector), vector.copy(), np.zeros(0))
+
+
+Advance = Callable[[TrainingState, int], None]
+
+
+def make_engine(
+    network: NetworkSettings, training: TrainingSettings, codes: np.ndarray, lengths: np.ndarray
+) -> Advance:
+    """Return a function that advances a state in place by a number of epochs.
+
+    Args:
+        network: Sizes and time constants.
+        training: Closed-loop ratio, learning rate and the name of the engine.
+        codes: Target codes, (n_actions, longest, n_codes) float32, from `targets.target_codes`.
+        lengths: Steps of each action.
+
+    Raises:
+        TrainingError: (the returned function) If the loss is not finite; the state stays at the last good epoch.
+    """
+    build = {"fused": _fused_engine, "reference": _reference_engine}[training.engine]
+    step = build(network, training, codes, lengths)
+
+    def advance(state: TrainingState, n_epochs: int) -> None:
+        losses = []
+        for _ in range(n_epochs):
+            before = state.vector.copy()
+            loss = step(state, state.epoch + len(losses) + 1)
+            if not math.isfinite(loss):
+                state.vector = before
+                state.loss_history = np.concatenate([state.loss_history, losses])
+                raise TrainingError(
+                    f"the loss is no longer finite at epoch {state.epoch + 1} "
+                    f"(learning rate {training.learning_rate}); the best epoch so far is {state.best_epoch} with loss {state.best_loss:.4g}"
+                )
+            if loss < state.best_loss:
+                state.best_loss, state.best_epoch, state.best_vector = loss, state.epoch + len(losses) + 1, before
+            losses.append(loss)
+        state.loss_history = np.concatenate([state.loss_history, losses])
+
+    return advance
+
+
+def _fused_engine(network: NetworkSettings, training: TrainingSettings, codes: np.ndarray, lengths: np.ndarray):
+    from creative_nao.model.fused import adam_step, loss_and_gradient
+
+    shapes = parameter_shapes(network, codes.shape[2], len(codes))
+    mask, rate = neighbour_mask(network), np.float32(1) / layer_time_constants(network)
+    entropy = target_entropy(codes, lengths)
+    ratio = np.float32(training.closed_loop_ratio)
+
+    def step(state: TrainingState, epoch: int) -> float:
+        gradient = np.empty_like(state.vector)
+        loss = entropy + loss_and_gradient(
+            *views(state.vector, shapes).values(), mask, rate, codes, lengths, ratio, network.n_softmax_units,
+            *views(gradient, shapes).values(),
+        )  # fmt: skip
+        adam_step(state.vector, gradient, state.first_moment, state.second_moment, epoch, training.learning_rate)
+        return loss
+
+    return step
+
+
+def _reference_engine(network: NetworkSettings, training: TrainingSettings, codes: np.ndarray, lengths: np.ndarray):
+    import torch
+
+    from creative_nao.model.loss import kl_divergence
+    from creative_nao.model.mtrnn import PBMTRNN
+
+    net = PBMTRNN(network, codes.shape[2], len(codes))
+    target, steps = torch.from_numpy(codes), torch.from_numpy(lengths)
+    adam = torch.optim.Adam(net.parameters(), lr=training.learning_rate, betas=(0.9, 0.999), eps=1e-8)
+
+    def put(state: TrainingState, epoch: int) -> None:
+        # The state is the only memory between epochs, so that a checkpoint is complete whatever the engine.
+        net.load_parameter_vector(state.vector)
+        moments = zip(
+            views(state.first_moment, net.shapes).items(), views(state.second_moment, net.shapes).values(), strict=True
+        )
+        for (name, first), second in moments:
+            adam.state[getattr(net, name)] = {
+                "step": torch.tensor(float(epoch - 1)),
+                "exp_avg": torch.from_numpy(first.copy()),
+                "exp_avg_sq": torch.from_numpy(second.copy()),
+            }
+
+    def step(state: TrainingState, epoch: int) -> float:
+        put(state, epoch)
+        adam.zero_grad()
+        loss = kl_divergence(net(target, training.closed_loop_ratio), target, steps)
+        loss.backward()
+        adam.step()
+        state.vector = net.parameter_vector()
+        states = [adam.state[getattr(net, name)] for name in net.shapes]
+        state.first_moment = np.concatenate([s["exp_avg"].numpy().ravel() for s in states])
+        state.second_moment = np.concatenate([s["exp_avg_sq"].numpy().ravel() for s in states])
+        return float(loss.item())
+
+    return step

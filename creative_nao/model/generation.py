@@ -1,0 +1,122 @@
+"""Closed-loop generation: PB points in, joint trajectories out, many at a time (Eq. 1-3, 5 at ratio 1, 7).
+
+Points lie side by side in lanes, (unit, lane), so that one instruction serves many of them. The sum over a neuron's
+inputs is taken in one fixed order in every lane: a trajectory has the same bits alone, in a batch, and for any number
+of threads. That matters, because where the map is rugged the closed loop amplifies a difference in the last bit into
+another movement.
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from creative_nao.model.config import NetworkSettings
+from creative_nao.model.encoding import SoftmaxEncoding
+from creative_nao.model.parameters import layer_time_constants
+
+LANES = 64
+"""Most points side by side: four 512-bit registers of float32, and all activations still lie in a fast cache."""
+PAD = 16
+"""Lanes are filled up to a multiple of this, so that no point is computed by a scalar rest of a loop."""
+FEW_POINTS = 4
+"""Up to this many points, one at a time is faster than in lanes."""
+SERIAL_BLOCKS = 8
+"""Up to this many blocks of lanes, starting threads costs more than it saves."""
+
+
+class ClosedLoopGenerator:
+    """A trained network prepared for generation.
+
+    Args:
+        settings: Sizes and time constants.
+        parameters: By name, shapes as in `parameters.parameter_shapes`, float32; copied.
+        encoding: The joints' softmax code.
+        initial_posture: Joint angles at tick 0 [rad], shape (n_joints,).
+    """
+
+    def __init__(
+        self,
+        settings: NetworkSettings,
+        parameters: dict[str, np.ndarray],
+        encoding: SoftmaxEncoding,
+        initial_posture: np.ndarray,
+    ) -> None:
+        starts = np.concatenate([[0], np.cumsum(settings.layer_sizes)])
+        layer = np.repeat(np.arange(len(settings.layer_sizes)), settings.layer_sizes)
+        # A neuron hears the contiguous block from the first neuron of the layer before to the last of the layer after.
+        self._first = starts[np.maximum(layer - 1, 0)]
+        self._last = starts[np.minimum(layer + 2, len(starts) - 1)]
+        self._n_fast = settings.layer_sizes[0]
+        self._rate = np.float32(1) / layer_time_constants(settings)
+        self._starts = starts
+        self._from_sender = [parameters[name].copy() for name in ("w_in", "w_out", "w_hidden", "w_pb")]
+        self._to_receiver = [np.ascontiguousarray(weights.T) for weights in self._from_sender]
+        self._biases = parameters["b_out"].copy(), parameters["b_hidden"].copy()
+        self._references = encoding.references.astype(np.float32)
+        self._initial_posture = np.array(initial_posture, dtype=np.float64)
+        self._initial_code = encoding.encode(self._initial_posture).astype(np.float32)
+
+    def __call__(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
+        """Let the network act in its mind from each PB point.
+
+        Args:
+            pb: PB values in [-1, 1], shape (n, n_pb), or (n, n_steps, n_pb) for a PB that moves: row t drives tick t.
+            n_steps: Ticks to generate, at least 1; row 0 is the initial posture itself.
+
+        Returns:
+            Joint angles [rad], shape (n, n_steps, n_joints), float64.
+        """
+        moving = pb if pb.ndim == 3 else pb[:, None, :]
+        out = np.empty((len(pb), n_steps, len(self._references)))
+        if len(pb) <= FEW_POINTS:
+            for point, trajectory in zip(moving, out, strict=True):
+                trajectory[:] = self._generate_one(point, n_steps)
+            return out
+        blocks = [slice(start, min(start + LANES, len(pb))) for start in range(0, len(pb), LANES)]
+        n_threads = _n_cores()
+        if len(blocks) <= SERIAL_BLOCKS or n_threads == 1:
+            for block in blocks:
+                out[block] = self._generate_block(moving[block], n_steps)
+        else:
+            with ThreadPoolExecutor(n_threads) as pool:
+                for block, angles in zip(
+                    blocks, pool.map(lambda b: self._generate_block(moving[b], n_steps), blocks), strict=True
+                ):
+                    out[block] = angles
+        return out
+
+    def _generate_one(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
+        from creative_nao.model.lanes import generate_one
+
+        angles = np.empty((n_steps, len(self._references)), np.float32)
+        generate_one(
+            *self._from_sender, *self._biases, self._starts, self._rate,
+            pb.astype(np.float32), self._initial_code, self._references, angles,
+        )  # fmt: skip
+        trajectory = angles.astype(np.float64)
+        trajectory[0] = self._initial_posture
+        return trajectory
+
+    def _generate_block(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
+        from creative_nao.model.lanes import generate_lanes
+
+        lanes = -(-len(pb) // PAD) * PAD
+        points = np.zeros((pb.shape[1], pb.shape[2], lanes), np.float32)
+        points[:, :, : len(pb)] = pb.transpose(1, 2, 0)
+        angles = np.empty((n_steps, len(self._references), lanes), np.float32)
+        generate_lanes(
+            *self._to_receiver, *self._biases, self._n_fast, self._first, self._last, self._rate,
+            points, self._initial_code, self._references, angles,
+        )  # fmt: skip
+        trajectories = angles[:, :, : len(pb)].transpose(2, 0, 1).astype(np.float64)
+        trajectories[:, 0] = self._initial_posture
+        return trajectories
+
+
+def _n_cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,0 +1,204 @@
+"""A memory: a trained PB-MTRNN with everything needed to use it, in one file."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from creative_nao.demonstrations import Demonstrations
+from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError, ShapeError
+from creative_nao.model.config import NetworkSettings, TrainingSettings, settings_from_header
+from creative_nao.model.encoding import SoftmaxEncoding
+from creative_nao.model.generation import ClosedLoopGenerator
+from creative_nao.model.parameters import parameter_shapes
+from creative_nao.tensorfile import load_tensors, save_tensors, take
+
+FORMAT_VERSION = 1
+KIND = "memory"
+MAX_CURVE_POINTS = 5000
+"""A memory keeps at most this many points of its learning curve; a checkpoint keeps all."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Memory:
+    """A robot's memory: every point of its PB space is a movement, the taught ones and, between them, new ones.
+
+    Make one with `creative_nao.train` or `creative_nao.load_memory`.
+
+    Attributes:
+        network: Sizes, time constants and code of the network.
+        training: How it was trained.
+        parameters: Weights by name, float32; shapes as in `model.parameters.parameter_shapes`.
+        demonstrations: The basic actions it learned [rad].
+        loss_history: Loss (Eq. 4, summed over actions and steps) every `loss_every` epochs.
+        loss_every: Epochs from one value of `loss_history` to the next.
+        best_epoch: Epoch whose weights are kept, counted from 1.
+        best_loss: Its loss.
+        record: Command, settings, versions and time of its making.
+        name: Shipped name such as ``half/0``, or the file's path, or empty.
+    """
+
+    network: NetworkSettings
+    training: TrainingSettings
+    parameters: dict[str, np.ndarray]
+    demonstrations: Demonstrations
+    loss_history: np.ndarray
+    loss_every: int
+    best_epoch: int
+    best_loss: float
+    record: dict[str, Any]
+    name: str = ""
+
+    @property
+    def pb(self) -> np.ndarray:
+        """Learned PB value of each basic action (Eq. 1), shape (n_actions, n_pb) in (-1, 1), float64."""
+        return np.tanh(self.parameters["rho"].astype(np.float64))
+
+    @property
+    def closed_loop_ratio(self) -> float:
+        """Share of its own prediction that the network read in training (Eq. 5)."""
+        return self.training.closed_loop_ratio
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Name of each joint, in the order of a trajectory's columns."""
+        return self.demonstrations.joints
+
+    @property
+    def dt_s(self) -> float:
+        """Time from one posture to the next [s]."""
+        return self.demonstrations.dt_s
+
+    @property
+    def n_steps(self) -> int:
+        """Ticks of the longest basic action: the default length of generation."""
+        return max(len(trajectory) for trajectory in self.demonstrations.trajectories)
+
+    @functools.cached_property
+    def encoding(self) -> SoftmaxEncoding:
+        """The softmax code of the joints (Eq. 6 and 7)."""
+        return encoding_of(self.demonstrations, self.network)
+
+    @functools.cached_property
+    def _generator(self) -> ClosedLoopGenerator:
+        posture = self.demonstrations.initial_posture
+        return ClosedLoopGenerator(self.network, self.parameters, self.encoding, posture)
+
+    def generate(self, pb: np.ndarray, n_steps: int | None = None) -> np.ndarray:
+        """Let the network act in its mind, in closed loop, from each PB point.
+
+        Args:
+            pb: PB values in [-1, 1], shape (n, n_pb).
+            n_steps: Ticks to generate; default: as long as the longest basic action.
+
+        Returns:
+            Joint angles [rad], shape (n, n_steps, n_joints), float64; row 0 is the initial posture, the mean first
+            posture of the basic actions. A point gives the same bits alone and in any batch.
+
+        Raises:
+            ShapeError: If `pb` is not (n, n_pb) or holds values outside [-1, 1].
+            SettingsError: If `n_steps` is less than 1.
+        """
+        points = np.asarray(pb, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != self.network.n_pb:
+            raise ShapeError(f"`pb` should have shape (n, {self.network.n_pb}), but has {points.shape}")
+        if not (np.abs(points) <= 1).all():
+            row = int(np.flatnonzero(~(np.abs(points) <= 1).all(axis=1))[0])
+            raise ShapeError(f"`pb` should lie in [-1, 1], but row {row} is {points[row].tolist()}")
+        steps = self.n_steps if n_steps is None else n_steps
+        if steps < 1:
+            raise SettingsError(f"`n_steps` should be at least 1, but is {steps}")
+        return self._generator(points, steps)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the memory to one safetensors file, in one step, and return its path."""
+        header = {
+            "format_version": FORMAT_VERSION,
+            "network": dataclasses.asdict(self.network),
+            "training": dataclasses.asdict(self.training),
+            "joints": list(self.joints),
+            "dt_s": self.dt_s,
+            "actions": list(self.demonstrations.names),
+            "demonstrations_record": self.demonstrations.record,
+            "loss_every": self.loss_every,
+            "best_epoch": self.best_epoch,
+            "best_loss": self.best_loss,
+            "record": self.record,
+        }
+        tensors = {f"parameter/{name}": array for name, array in self.parameters.items()}
+        for place, trajectory in enumerate(self.demonstrations.trajectories):
+            tensors[f"demonstration/{place}"] = trajectory
+        tensors["loss_history"] = self.loss_history.astype(np.float32)
+        return save_tensors(path, kind=KIND, header=header, tensors=tensors)
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str], name: str = "") -> Memory:
+        """Read a memory file.
+
+        Raises:
+            NotFoundError: If there is no such file.
+            FileFormatError: If it is torn, foreign or inconsistent; the message names the part.
+        """
+        header, tensors = load_tensors(path, kind=KIND)
+        if header.get("format_version") != FORMAT_VERSION:
+            raise FileFormatError(
+                f"{path}: memory format version {header.get('format_version')!r}, this release reads {FORMAT_VERSION}"
+            )
+        network = settings_from_header(NetworkSettings, header.get("network"), str(path))
+        training = settings_from_header(TrainingSettings, header.get("training"), str(path))
+        try:
+            joints, names = tuple(header["joints"]), tuple(header["actions"])
+            dt_s, record = float(header["dt_s"]), dict(header["record"])
+            every, best_epoch, best_loss = (
+                int(header["loss_every"]),
+                int(header["best_epoch"]),
+                float(header["best_loss"]),
+            )
+            taught_record = dict(header["demonstrations_record"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise FileFormatError(f"{path}: the header of the memory lacks or breaks a field: {error}") from error
+        taught = [take(path, tensors, f"demonstration/{i}", (None, len(joints))) for i in range(len(names))]
+        try:
+            demonstrations = Demonstrations(names, taught, dt_s, joints, taught_record)
+        except CreativeNaoError as error:
+            raise FileFormatError(f"{path}: its demonstrations: {error}") from error
+        shapes = parameter_shapes(network, len(joints) * network.n_softmax_units, len(names))
+        parameters = {
+            key: take(path, tensors, f"parameter/{key}", shape).astype(np.float32) for key, shape in shapes.items()
+        }
+        history = take(path, tensors, "loss_history", (None,))
+        return cls(
+            network,
+            training,
+            parameters,
+            demonstrations,
+            history,
+            every,
+            best_epoch,
+            best_loss,
+            record,
+            name or str(path),
+        )
+
+
+def encoding_of(demonstrations: Demonstrations, network: NetworkSettings) -> SoftmaxEncoding:
+    """Return the softmax code whose references span each joint's range in the demonstrations (Eq. 6).
+
+    Raises:
+        SettingsError: If a joint does not move in any demonstration.
+    """
+    angles = np.concatenate(demonstrations.trajectories)
+    still = [joint for joint, span in zip(demonstrations.joints, np.ptp(angles, axis=0), strict=True) if not span > 0]
+    if still:
+        raise SettingsError(
+            f"{', '.join(still)} never moves in the demonstrations; leave the joint out or let it move, "
+            "since the softmax code spans its range"
+        )
+    return SoftmaxEncoding(
+        angles.min(axis=0), angles.max(axis=0), network.n_softmax_units, network.sigma, network.sigma_unit
+    )

@@ -1,0 +1,43 @@
+"""The memories that come with the package, and finding a memory by name or path."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from creative_nao.errors import NotFoundError, nearest_name
+from creative_nao.model.memory import Memory
+
+PRETRAINED = Path(__file__).parent / "pretrained"
+CONDITIONS = {"open": 0.0, "half": 0.5, "closed": 1.0}
+"""The paper's three closed-loop ratios by name."""
+
+
+def shipped_memories() -> tuple[str, ...]:
+    """Return the names of the shipped memories, condition and seed: ``open/0``, ``half/0``, ``closed/0``, ..."""
+    found = [path.stem.rsplit("-", 1) for path in PRETRAINED.glob("*-*.safetensors")]
+    order = list(CONDITIONS)
+    return tuple(f"{c}/{s}" for c, s in sorted(found, key=lambda item: (order.index(item[0]), int(item[1]))))
+
+
+def load_memory(name: str | os.PathLike[str]) -> Memory:
+    """Load a memory by shipped name or from a file.
+
+    Args:
+        name: A shipped name such as ``half/0``, or the path of a memory file.
+
+    Raises:
+        NotFoundError: If there is neither; the message offers the nearest name.
+        FileFormatError: If the file is torn or foreign.
+    """
+    text = os.fspath(name)
+    names = shipped_memories()
+    if text in names:
+        condition, seed = text.split("/")
+        return Memory.read(PRETRAINED / f"{condition}-{seed}.safetensors", name=text)
+    if Path(text).is_file():
+        return Memory.read(text)
+    raise NotFoundError(
+        f"no memory `{text}`{nearest_name(text, names)}: neither a file nor a shipped name; "
+        f"shipped are {', '.join(names)}"
+    )
