@@ -1,1 +1,56 @@
-"""Measures of movements: NumPy arrays in, numbers out."""
+"""How creative a set of actions is: NumPy arrays of joint angles in, numbers out.
+
+Distance
+    - `dtw`, `dtw_matrix`: dynamic time warping, its definition in `dtw.py` (reference in `dtw_reference.py`).
+Each action
+    - `score` -> `Scores`: its outcome, its novelty and the basic action it is nearest to (`score.py`).
+    - `Criteria`, `BasicActions`: where the lines between outcomes are drawn; what counts as basic actions.
+    - `is_appropriate`, `largest_speeds`, `speed_limits`, `excursions`, `excursion_limit`: the lines themselves.
+A set of actions
+    - `novelty`, `diversity` -> `Draws`: the paper's means over random samples.
+    - `table` -> `Table`: the figures of the paper's Table I.
+    - `farthest_points` -> `FarthestPoints`: the greedy oracle; `reward_scale`: the unit of its rewards.
+
+Nothing here knows of networks or robots; numba is loaded by the first distance, not by the import.
+"""
+
+from creative_nao.measures.appropriateness import (
+    BasicActions,
+    Criteria,
+    excursion_limit,
+    excursions,
+    is_appropriate,
+    largest_speeds,
+    speed_limits,
+)
+from creative_nao.measures.diversity import diversity, mean_pairwise_distance, reward_scale
+from creative_nao.measures.draws import Draws
+from creative_nao.measures.dtw import dtw, dtw_matrix
+from creative_nao.measures.farthest import FarthestPoints, farthest_points
+from creative_nao.measures.novelty import novelty
+from creative_nao.measures.score import OUTCOMES, Scores, score
+from creative_nao.measures.table import Table, table
+
+__all__ = [  # noqa: RUF022 - in reading order
+    "dtw",
+    "dtw_matrix",
+    "score",
+    "Scores",
+    "OUTCOMES",
+    "Criteria",
+    "BasicActions",
+    "is_appropriate",
+    "largest_speeds",
+    "speed_limits",
+    "excursions",
+    "excursion_limit",
+    "novelty",
+    "diversity",
+    "Draws",
+    "mean_pairwise_distance",
+    "table",
+    "Table",
+    "farthest_points",
+    "FarthestPoints",
+    "reward_scale",
+]
