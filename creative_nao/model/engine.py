@@ -77,7 +77,8 @@ def make_engine(
                 state.loss_history = np.concatenate([state.loss_history, losses])
                 raise TrainingError(
                     f"the loss is no longer finite at epoch {state.epoch + 1} "
-                    f"(learning rate {training.learning_rate}); the best epoch so far is {state.best_epoch} with loss {state.best_loss:.4g}"
+                    f"(learning rate {training.learning_rate}); "
+                    f"the best epoch so far is {state.best_epoch} with loss {state.best_loss:.4g}"
                 )
             if loss < state.best_loss:
                 state.best_loss, state.best_epoch, state.best_vector = loss, state.epoch + len(losses) + 1, before

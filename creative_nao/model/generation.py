@@ -91,7 +91,7 @@ class ClosedLoopGenerator:
     def _generate_one(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
         from creative_nao.model.lanes import generate_one
 
-        angles = np.empty((n_steps, len(self._references)), np.float32)
+        angles = np.zeros((n_steps, len(self._references)), np.float32)
         generate_one(
             *self._from_sender, *self._biases, self._starts, self._rate,
             pb.astype(np.float32), self._initial_code, self._references, angles,
@@ -106,7 +106,7 @@ class ClosedLoopGenerator:
         lanes = -(-len(pb) // PAD) * PAD
         points = np.zeros((pb.shape[1], pb.shape[2], lanes), np.float32)
         points[:, :, : len(pb)] = pb.transpose(1, 2, 0)
-        angles = np.empty((n_steps, len(self._references), lanes), np.float32)
+        angles = np.zeros((n_steps, len(self._references), lanes), np.float32)
         generate_lanes(
             *self._to_receiver, *self._biases, self._n_fast, self._first, self._last, self._rate,
             points, self._initial_code, self._references, angles,

@@ -4,7 +4,7 @@ Everything is written so that the compiler turns the innermost loop into SIMD in
 library calls exp and tanh one number at a time, ten times slower, so both are polynomials here.
 """
 
-# pyright: reportIndexIssue=false
+# pyright: reportIndexIssue=false, reportCallIssue=false
 
 from __future__ import annotations
 

@@ -1,1 +1,10 @@
-"""pb_space."""
+"""The chart of a memory: which movement lies where in its PB space (the paper's Fig. 4).
+
+- `pb_map` -> `PBMap`: the whole grid generated and scored, saved, loaded, drawn.
+- `pb_grid`, `nearest_cell`: the points of the grid.
+"""
+
+from creative_nao.pb_space.chart import PBMap, pb_map
+from creative_nao.pb_space.grid import PAPER_RESOLUTION, nearest_cell, pb_grid
+
+__all__ = ["PAPER_RESOLUTION", "PBMap", "nearest_cell", "pb_grid", "pb_map"]

@@ -1,0 +1,168 @@
+"""The PB map: every point of a grid over the PB space, performed in the mind and scored."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from creative_nao.atomic import replacing
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.measures import OUTCOMES, Criteria, score
+from creative_nao.model import Memory
+from creative_nao.pb_space.grid import PAPER_RESOLUTION, pb_grid
+from creative_nao.provenance import record
+
+FORMAT_VERSION = 1
+MAX_RESOLUTION = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class PBMap:
+    """A scored grid over the PB space of a memory.
+
+    Attributes:
+        resolution: Points along each axis; there are n = resolution^2.
+        pb: The points, shape (n, 2), in the order of `grid.pb_grid`.
+        outcome: `learned`, `unlearned`, `fluctuating` or `non_moving` each, shape (n,) of str.
+        nearest: Which basic action each is nearest to, shape (n,) of int.
+        distance: DTW distance to it [rad], shape (n,).
+        learned_pb: Where the basic actions themselves lie, shape (n_actions, 2).
+        names: Names of the basic actions.
+        record: Memory, settings and versions that made the map.
+        trajectories: What the network generates at each point [rad], shape (n, n_steps, n_joints); None in a map read
+            from a file, since the memory gives the same bits again.
+    """
+
+    resolution: int
+    pb: np.ndarray
+    outcome: np.ndarray
+    nearest: np.ndarray
+    distance: np.ndarray
+    learned_pb: np.ndarray
+    names: tuple[str, ...]
+    record: dict[str, Any]
+    trajectories: np.ndarray | None = None
+
+    @property
+    def appropriate(self) -> np.ndarray:
+        """Whether each point's movement can be used, shape (n,) of bool."""
+        return np.isin(self.outcome, ("learned", "unlearned"))
+
+    def share_pct(self, outcome: str) -> float:
+        """Return the share of the map with this outcome [%]."""
+        return 100.0 * float(np.mean(self.outcome == outcome))
+
+    def learned_region_pct(self) -> np.ndarray:
+        """Return the share of the map where each basic action comes back (outcome learned) [%], shape (n_actions,)."""
+        mine = self.nearest[None, :] == np.arange(len(self.names))[:, None]
+        return 100.0 * np.mean(mine & (self.outcome == "learned"), axis=1)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the map, without trajectories, to an NPZ file in one step and return its path."""
+        header = {
+            "format_version": FORMAT_VERSION,
+            "resolution": self.resolution,
+            "names": list(self.names),
+            "record": self.record,
+        }
+        arrays = {
+            "outcome": np.searchsorted(sorted(OUTCOMES), self.outcome).astype(np.int8),
+            "nearest": self.nearest.astype(np.int16),
+            "distance": self.distance,
+            "learned_pb": self.learned_pb,
+            "header": np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8),
+        }
+        target = Path(path)
+        with replacing(target) as temporary, open(temporary, "wb") as stream:
+            np.savez_compressed(stream, allow_pickle=False, **arrays)
+        return target
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> PBMap:
+        """Read a map back.
+
+        Raises:
+            NotFoundError: If there is no such file.
+            FileFormatError: If it is torn or foreign; the message names the part.
+        """
+        source = Path(path)
+        if not source.is_file():
+            raise NotFoundError(f"no PB map at {source}; make one with `creative-nao map MEMORY --out {source}`")
+        try:
+            with np.load(source, allow_pickle=False) as content:
+                header = json.loads(bytes(content["header"]))
+                if header["format_version"] != FORMAT_VERSION:
+                    raise FileFormatError(f"{source}: map format {header['format_version']}, expected {FORMAT_VERSION}")
+                resolution, names = int(header["resolution"]), tuple(map(str, header["names"]))
+                if not 2 <= resolution <= MAX_RESOLUTION:
+                    raise FileFormatError(f"{source}: resolution {resolution}, expected 2 to {MAX_RESOLUTION}")
+                shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("outcome", "nearest", "distance"), (resolution**2,))
+                shapes["learned_pb"] = (len(names), 2)
+                arrays = {name: content[name] for name in shapes}
+        except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, EOFError) as error:
+            if isinstance(error, FileFormatError):
+                raise
+            raise FileFormatError(f"{source}: not a PB map, or a torn one: {error}") from error
+        for name, shape in shapes.items():
+            if arrays[name].shape != shape:
+                raise FileFormatError(f"{source}: `{name}` should have shape {shape}, but has {arrays[name].shape}")
+        codes = arrays["outcome"]
+        if codes.min() < 0 or codes.max() >= len(OUTCOMES):
+            raise FileFormatError(f"{source}: `outcome` holds a code outside 0 to {len(OUTCOMES) - 1}")
+        outcome = np.array(sorted(OUTCOMES))[codes]
+        return cls(
+            resolution, pb_grid(resolution), outcome, arrays["nearest"].astype(np.int64), arrays["distance"],
+            arrays["learned_pb"], names, dict(header["record"]),
+        )  # fmt: skip
+
+    def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
+        """Draw the map in the manner of the paper's Fig. 4; see `picture.draw_map` for the options.
+
+        Args:
+            path: PNG or SVG to write; with None nothing is written.
+            **options: Handed to `picture.draw_map`.
+
+        Returns:
+            The matplotlib figure.
+        """
+        from creative_nao.pb_space.picture import draw_map
+
+        return draw_map(self, path, **options)
+
+
+def pb_map(memory: Memory, resolution: int = PAPER_RESOLUTION, criteria: Criteria | None = None) -> PBMap:
+    """Generate and score a whole grid of PB points.
+
+    Args:
+        memory: A memory with two PB units.
+        resolution: Points along each axis; the paper has 200.
+        criteria: Where the lines between the outcomes are drawn; default: the paper's.
+
+    Raises:
+        SettingsError: If the memory does not have two PB units or `resolution` is below 2.
+    """
+    if memory.network.n_pb != 2:
+        raise SettingsError(f"a PB map needs a memory with n_pb = 2, but this one has {memory.network.n_pb}")
+    if resolution > MAX_RESOLUTION:
+        raise SettingsError(f"`resolution` should be at most {MAX_RESOLUTION}, but is {resolution}")
+    criteria = Criteria() if criteria is None else criteria
+    pb = pb_grid(resolution)
+    trajectories = memory.generate(pb)
+    scores = score(trajectories, memory.demonstrations, criteria)
+    return PBMap(
+        resolution=resolution,
+        pb=pb,
+        outcome=scores.outcome,
+        nearest=scores.nearest,
+        distance=scores.novelty,
+        learned_pb=memory.pb,
+        names=memory.demonstrations.names,
+        record=record(settings={"memory": memory.name, "resolution": resolution}),
+        trajectories=trajectories,
+    )

@@ -1,0 +1,29 @@
+"""Colours of the PB map: told apart with every kind of colour vision, smallest CAM02-UCS difference 17.6.
+
+Colour never stands alone: regions have borders, basic actions letters, inappropriate outcomes hatching.
+"""
+
+from __future__ import annotations
+
+BASIC_ACTIONS = ("#004FE5", "#E97E00", "#009E73", "#8B2F00", "#66D6FF", "#EDD912")
+"""Of the basic actions, in their order; with more than six they begin again."""
+FLUCTUATING = "#4B0082"
+NON_MOVING = "#CD94B5"
+PAPER_WHITE = "#F5F5F5"
+"""What a colour fades to as the similarity to the basic action falls."""
+INK = "#22262B"
+
+
+def action_colour(place: int) -> str:
+    """Return the colour of the basic action at `place`."""
+    return BASIC_ACTIONS[place % len(BASIC_ACTIONS)]
+
+
+def action_letter(place: int) -> str:
+    """Return the letter that marks the basic action at `place`: A, B, C, ..."""
+    return chr(ord("A") + place % 26)
+
+
+def rgb(colour: str) -> tuple[float, float, float]:
+    """Return red, green and blue in [0, 1] of a ``#rrggbb`` colour."""
+    return (int(colour[1:3], 16) / 255, int(colour[3:5], 16) / 255, int(colour[5:7], 16) / 255)

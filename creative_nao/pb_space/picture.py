@@ -1,0 +1,123 @@
+"""The PB map as a picture, in the manner of the paper's Fig. 4."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from creative_nao.atomic import replacing
+from creative_nao.pb_space.palette import FLUCTUATING, INK, NON_MOVING, PAPER_WHITE, action_colour, action_letter, rgb
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from creative_nao.pb_space.chart import PBMap
+
+HALF_DISTANCE = 10.0
+"""DTW distance at which half of the similarity is left [rad]: the paper's threshold of the learned actions."""
+
+
+def map_image(pb_map: PBMap) -> np.ndarray:
+    """Return the colours of the map, shape (resolution, resolution, 3) in [0, 1], row 0 at PB 2 = -1.
+
+    Colour is the nearest basic action, strength its similarity 2^(-distance / 10); what cannot be used has its own two.
+    """
+    colours = np.array([rgb(action_colour(place)) for place in range(len(pb_map.names))])
+    similarity = 2.0 ** (-pb_map.distance / HALF_DISTANCE)
+    weight = (0.15 + 0.85 * similarity)[:, None]
+    image = weight * colours[pb_map.nearest] + (1 - weight) * np.array(rgb(PAPER_WHITE))
+    image[pb_map.outcome == "fluctuating"] = rgb(FLUCTUATING)
+    image[pb_map.outcome == "non_moving"] = rgb(NON_MOVING)
+    return image.reshape(pb_map.resolution, pb_map.resolution, 3)
+
+
+def draw_on(axes: Axes, pb_map: PBMap) -> None:
+    """Draw the map with borders, hatching and the letters of the basic actions on matplotlib axes."""
+    from matplotlib import patheffects
+
+    n = pb_map.resolution
+    half_cell = 1.0 / (n - 1)
+    axes.imshow(
+        map_image(pb_map), origin="lower", interpolation="nearest",
+        extent=(-1 - half_cell, 1 + half_cell, -1 - half_cell, 1 + half_cell),
+    )  # fmt: skip
+    axis = np.linspace(-1, 1, n)
+    for outcome, hatch in (("fluctuating", "\\\\\\\\"), ("non_moving", "////")):
+        mask = (pb_map.outcome == outcome).reshape(n, n).astype(float)
+        if mask.any():
+            filled = axes.contourf(axis, axis, mask, levels=[0.5, 1.5], colors="none", hatches=[hatch])
+            filled.set_edgecolor("#FFFFFF50")
+            filled.set_linewidth(0.0)
+    learned = pb_map.outcome == "learned"
+    for place in range(len(pb_map.names)):
+        mask = (learned & (pb_map.nearest == place)).reshape(n, n).astype(float)
+        if mask.any():
+            axes.contour(axis, axis, mask, levels=[0.5], colors=INK, linewidths=0.6)
+    for place, (first, second) in enumerate(pb_map.learned_pb):
+        axes.text(
+            first, second, action_letter(place), color="white", ha="center", va="center", fontsize=13, weight="bold",
+            path_effects=[patheffects.withStroke(linewidth=3, foreground="black")],
+        )  # fmt: skip
+    axes.set(xlim=(-1 - half_cell, 1 + half_cell), ylim=(-1 - half_cell, 1 + half_cell), aspect="equal")
+    axes.set(xlabel="PB 1", ylabel="PB 2", xticks=[-1, -0.5, 0, 0.5, 1], yticks=[-1, -0.5, 0, 0.5, 1])
+
+
+def legend_handles(pb_map: PBMap) -> list[Any]:
+    """Return legend entries: each basic action with the share of the map that it fills, and the two unusable kinds."""
+    from matplotlib.patches import Patch
+
+    shares = pb_map.learned_region_pct()
+    handles = [
+        Patch(
+            facecolor=action_colour(place),
+            edgecolor=INK,
+            label=f"{action_letter(place)}  {name.replace('_', ' ')}  ({shares[place]:.1f} % learned)",
+        )
+        for place, name in enumerate(pb_map.names)
+    ]
+    for outcome, colour, hatch in (("fluctuating", FLUCTUATING, "\\\\\\"), ("non_moving", NON_MOVING, "///")):
+        label = f"{outcome.replace('_', '-')}  ({pb_map.share_pct(outcome):.1f} %)"
+        handles.append(Patch(facecolor=colour, edgecolor="white", hatch=hatch, label=label))
+    return handles
+
+
+def draw_map(
+    pb_map: PBMap,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    title: str | None = None,
+    points: np.ndarray | None = None,
+) -> Figure:
+    """Draw one map with its legend.
+
+    Args:
+        pb_map: The map.
+        path: PNG or SVG to write in one step, by its ending; None writes nothing.
+        title: Title; default: the name of the memory.
+        points: PB points to mark, for example an agent's choices, shape (n, 2).
+
+    Returns:
+        The matplotlib figure.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.2, 6.2), layout="constrained")
+    axes = figure.subplots()
+    draw_on(axes, pb_map)
+    if points is not None:
+        axes.scatter(points[:, 0], points[:, 1], s=28, color="white", edgecolor="black", linewidth=1.2, zorder=3)
+    name = pb_map.record.get("settings", {}).get("memory", "")
+    appropriate = 100.0 * float(pb_map.appropriate.mean())
+    axes.set_title(title if title is not None else f"Memory {name}: {appropriate:.1f} % of the map is appropriate")
+    figure.legend(
+        handles=legend_handles(pb_map), loc="outside right upper", frameon=False, fontsize=9,
+        title="strong colour: like the basic action\nfaint colour: new", alignment="left",
+    )  # fmt: skip
+    if path is not None:
+        with replacing(Path(path)) as temporary:
+            figure.savefig(temporary, dpi=150, format=Path(path).suffix.lstrip(".") or "png")
+    return figure
