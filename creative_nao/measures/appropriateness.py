@@ -94,7 +94,7 @@ def excursion_limit(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) ->
 
 def is_fluctuating(trajectories: Trajectories, demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> np.ndarray:
     """Return for each trajectory whether a joint is faster than its limit, shape (n,) of bool."""
-    speeds = largest_speeds(trajectories, demos.dt_s).reshape(len(trajectories), -1)
+    speeds = largest_speeds(trajectories, demos.dt_s)
     if not len(speeds):
         return np.zeros(0, dtype=bool)
     # A copy of the fastest basic action at factor 1 must pass, whatever the last bit of the division says.
