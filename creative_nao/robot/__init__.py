@@ -2,6 +2,9 @@
 
 - Robot: `Nao`, `ServoSettings`, `Stiffness`, `POSTURES`, `posture`, `arm_angles`
 - Surroundings: `Ring`, `Bag`, `Scene`, `Index`, `place`
+- Performing: `Performer`, `PlaybackSettings`, `Performance`, `Hits`
+- Judging: `PhysicalLimits`, `first_failure`, `PHYSICAL_FAILURES`
+- Drawing: `Renderer`, `can_draw`, `pictures`, `moments`, `film_strip`, `write_gif`, `imagined_frames`
 
 Names load at first use: importing this package alone loads neither MuJoCo nor GL.
 """
@@ -16,37 +19,70 @@ from creative_nao.robot import headless
 if TYPE_CHECKING:
     from creative_nao.robot.arena import Ring
     from creative_nao.robot.bag import Bag
+    from creative_nao.robot.feasibility import PHYSICAL_FAILURES, PhysicalLimits, first_failure
+    from creative_nao.robot.film import film_strip, imagined_frames, moments, pictures, write_gif
     from creative_nao.robot.nao import Nao
+    from creative_nao.robot.performance import Hits, Performance
+    from creative_nao.robot.playback import Performer, PlaybackSettings
     from creative_nao.robot.postures import POSTURES, arm_angles, posture
+    from creative_nao.robot.rendering import Renderer, can_draw
     from creative_nao.robot.scene import Index, Scene, place
     from creative_nao.robot.servos import ServoSettings, Stiffness
 
 __all__ = [
+    "PHYSICAL_FAILURES",
     "POSTURES",
     "Bag",
+    "Hits",
     "Index",
     "Nao",
+    "Performance",
+    "Performer",
+    "PhysicalLimits",
+    "PlaybackSettings",
+    "Renderer",
     "Ring",
     "Scene",
     "ServoSettings",
     "Stiffness",
     "arm_angles",
+    "can_draw",
+    "film_strip",
+    "first_failure",
+    "imagined_frames",
+    "moments",
+    "pictures",
     "place",
     "posture",
+    "write_gif",
 ]
 
 _HOMES = {
-    "POSTURES": "postures",
     "Bag": "bag",
+    "Hits": "performance",
     "Index": "scene",
     "Nao": "nao",
+    "PHYSICAL_FAILURES": "feasibility",
+    "POSTURES": "postures",
+    "Performance": "performance",
+    "Performer": "playback",
+    "PhysicalLimits": "feasibility",
+    "PlaybackSettings": "playback",
+    "Renderer": "rendering",
     "Ring": "arena",
     "Scene": "scene",
     "ServoSettings": "servos",
     "Stiffness": "servos",
     "arm_angles": "postures",
+    "can_draw": "rendering",
+    "film_strip": "film",
+    "first_failure": "feasibility",
+    "imagined_frames": "film",
+    "moments": "film",
+    "pictures": "film",
     "place": "scene",
     "posture": "postures",
+    "write_gif": "film",
 }
 
 headless.prepare()  # before anything below imports MuJoCo

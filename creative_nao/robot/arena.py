@@ -3,13 +3,15 @@
 Only the floor can be touched; everything else is drawn. The robot's sole stands at z = 0 and looks along x.
 """
 
+# MuJoCo and PyMJCF tell type checkers nothing about their members.
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false, reportMissingImports=false
 from __future__ import annotations
 
 from typing import Any
 
 from dm_control import composer
 
-HALF_RING_M = 0.62
+HALF_RING_M = 0.90
 """From the centre to a corner post, along x and y."""
 ROPE_HEIGHTS_M = (0.14, 0.27, 0.40)
 POST_HEIGHT_M = 0.46
@@ -39,14 +41,15 @@ class Ring(composer.Arena):
         hook: Where the bag hangs [m]; the gantry is drawn up to there.
     """
 
-    def _build(self, name: str = "ring", hook: tuple[float, float, float] = (0.34, 0.0, 0.85)) -> None:
+    def _build(self, name: str = "ring", hook: tuple[float, float, float] = (0.305, 0.0, 0.85)) -> None:
         super()._build(name)
         root = self._mjcf_root
         option = root.option
         option.timestep = PHYSICS_STEP_S
         option.noslip_iterations, option.cone, option.integrator = 0, "pyramidal", "implicitfast"
         root.visual.quality.offsamples = 0
-        root.visual.quality.shadowsize = 2048
+        root.visual.quality.shadowsize = 4096
+        root.statistic.extent, root.statistic.center = 1.0, (0.1, 0, 0.3)
         off_screen = getattr(root.visual, "global")
         off_screen.offwidth, off_screen.offheight = 1920, 1080
         root.visual.headlight.ambient, root.visual.headlight.diffuse = (0.36, 0.36, 0.38), (0.30, 0.30, 0.30)
@@ -138,10 +141,10 @@ class Ring(composer.Arena):
 Vector = tuple[float, float, float]
 
 CAMERAS: dict[str, tuple[Vector, Vector, float]] = {
-    "close": ((0.62, -0.86, 0.50), (0.10, 0.0, 0.33), 40.0),
-    "ringside": ((1.15, -1.55, 0.95), (0.06, 0.0, 0.24), 40.0),
-    "side": ((0.13, -1.30, 0.38), (0.13, 0.0, 0.33), 36.0),
-    "front": ((1.50, 0.45, 0.62), (0.05, 0.0, 0.33), 34.0),
+    "close": ((0.60, -0.74, 0.52), (0.10, 0.0, 0.31), 44.0),
+    "ringside": ((1.25, -1.95, 1.15), (0.10, 0.0, 0.24), 40.0),
+    "side": ((0.13, -0.84, 0.40), (0.13, 0.0, 0.32), 46.0),
+    "left": ((0.66, 0.72, 0.44), (0.10, 0.0, 0.31), 44.0),
 }
 """Eye, target [m] and vertical field of view [degrees] of the fixed cameras."""
 

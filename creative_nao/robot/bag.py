@@ -1,5 +1,7 @@
 """A punching bag in the robot's size: it hangs from the gantry, swings when hit and comes to rest again."""
 
+# MuJoCo and PyMJCF tell type checkers nothing about their members.
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false, reportMissingImports=false
 from __future__ import annotations
 
 import dataclasses
@@ -14,13 +16,13 @@ from dm_control.composer.observation import observable
 class BagSettings:
     """Size and suspension of the bag [m, kg]."""
 
-    radius_m: float = 0.095
+    radius_m: float = 0.12
     length_m: float = 0.40
     """Of the whole bag, rounded ends included."""
     mass_kg: float = 1.5
     chain_m: float = 0.26
     """From the hook to the upper end of the bag."""
-    damping: float = 0.12
+    damping: float = 0.6
     """Of each of the two swing hinges [N m s/rad]: a swing dies within a few seconds."""
     friction: float = 0.6
 

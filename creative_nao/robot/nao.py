@@ -4,6 +4,8 @@ Modelled after the NAO H25 V6 with both hands closed for good: of its 25 motors,
 motor turns both HipYawPitch hinges).
 """
 
+# MuJoCo and PyMJCF tell type checkers nothing about their members.
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false, reportMissingImports=false
 from __future__ import annotations
 
 from typing import Any
@@ -111,8 +113,12 @@ class Nao(composer.Entity):
             centre = (0.0244, sign * 0.0056, -0.0352)
             foot.add("site", name=f"{side}Foot", type="box", pos=centre, size=(0.080, 0.050, 0.014), group=4)
             sensor.add("touch", name=f"{side}Foot_touch", site=f"{side}Foot")
+            sensor.add("framelinvel", name=f"{side}Fist_velocity", objtype="site", objname=f"{side}Fist")
         for link in links():
             sensor.add("jointpos", name=f"{link.joint}_position", joint=link.joint)
+        for joint in JOINTS:
+            sensor.add("actuatorfrc", name=f"{joint}_torque", actuator=joint)
+        sensor.add("contact", name="self_contact", subtree1=TORSO.name, subtree2=TORSO.name, data="found")
         eyes = self._bodies["Head"]
         eyes.add("camera", name="top_camera", pos=(0.060, 0, 0.06364), xyaxes=(0, -1, 0, 0.021, 0, 1), fovy=47.6)
 

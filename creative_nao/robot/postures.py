@@ -18,9 +18,9 @@ from creative_nao.robot.tables import THIGH_M, TIBIA_M, keeps_sign
 GUARD_ARM_RAD: tuple[float, float, float, float] = (0.9, -0.15, 0.9, 1.4)
 """Right arm in the guard: ShoulderPitch, ShoulderRoll, ElbowYaw, ElbowRoll. The left arm mirrors it."""
 
-STANCE_HEIGHT_M = 0.184
+STANCE_HEIGHT_M = 0.192
 """Hip above ankle in the boxing stance: knees bent, so that the legs can give."""
-STANCE_STAGGER_M = 0.030
+STANCE_STAGGER_M = 0.025
 """The left foot stands this far ahead of the hip, the right one as far behind."""
 STANCE_SPREAD_RAD = 0.12
 """Legs apart by this hip roll on each side."""

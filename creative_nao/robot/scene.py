@@ -3,6 +3,8 @@
 Building takes about a tenth of a second; everything that simulates can share one scene.
 """
 
+# MuJoCo and PyMJCF tell type checkers nothing about their members.
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false, reportMissingImports=false
 from __future__ import annotations
 
 import dataclasses
@@ -23,6 +25,9 @@ from creative_nao.robot.tables import links
 
 ALL_JOINTS: tuple[str, ...] = tuple(link.joint for link in links())
 """The 24 hinges."""
+
+BAG_FORCE = "bag_force"
+"""Sensor of the net force between robot and bag [N], in the world frame; absent without a bag."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,6 +141,10 @@ class Scene:
         if with_bag:
             self.bag = Bag()
             self.arena.attach(self.bag, self.arena.hook)
+            self.arena.mjcf_model.sensor.add(
+                "contact", name=BAG_FORCE, geom1=self.bag.geom, subtree2=self.robot.body("Torso"),
+                data="force", reduce="netforce",
+            )  # fmt: skip
 
     @functools.cached_property
     def physics(self) -> Any:
@@ -158,6 +167,12 @@ class Scene:
     def stiffness(self) -> Stiffness:
         """Sets how strong the motors are."""
         return Stiffness(self.model, self.index.actuator)
+
+    def guard_qpos(self) -> np.ndarray:
+        """Return `qpos` of the robot standing in the guard before the resting bag, shape (nq,)."""
+        data = mujoco.MjData(self.model)
+        self.place(data, "Guard")
+        return data.qpos.copy()
 
     def place(self, data: Any, name: str) -> None:
         """Put the robot of `data` into a named posture, at rest on its soles (see `place`)."""

@@ -59,7 +59,7 @@ CONTACTS: tuple[Shape, ...] = (
     _touch("Head", "ellipsoid", (0.060, 0.066, 0.057), at=(-0.001, 0, 0.0573), name="skull"),
     _touch("LUpperArm", "capsule", (0.033,), ends=(0, 0.006, 0, 0.085, 0.012, 0), name="LUpperArm"),
     _touch("LForearm", "capsule", (0.025,), ends=(0.005, 0.002, 0.002, 0.045, 0.002, 0.002), name="LForearm"),
-    _touch("LHand", "sphere", (0.034,), at=(0.053, 0, -0.002), name="LFist"),
+    _touch("LHand", "sphere", (0.033,), at=(0.052, 0, 0), name="LFist"),
     _touch("LPelvis", "sphere", (0.035,), at=(-0.0225, -0.0025, 0.008), name="LPelvis"),
     _touch("LThigh", "capsule", (0.040,), ends=(-0.006, 0, -0.012, 0.012, 0.004, -0.082), name="LThigh"),
     _touch("LTibia", "capsule", (0.040,), ends=(0.008, 0, -0.012, -0.006, 0.006, -0.085), name="LTibia"),

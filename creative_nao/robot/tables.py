@@ -45,13 +45,13 @@ class Motor:
 
 _HEAD_YAW = Motor(1.547, 7.46, 0.003)
 _HEAD_PITCH = Motor(1.532, 6.47, 0.003)
-_SHOULDER_PITCH = Motor(1.329, 7.94, 0.006)
-_SHOULDER_ROLL = Motor(1.783, 6.47, 0.006)
-_ELBOW_YAW = Motor(1.547, 7.46, 0.005)
-_ELBOW_ROLL = Motor(1.532, 6.47, 0.005)
-_WRIST_YAW = Motor(0.4075, 17.38, 0.002)
+_SHOULDER_PITCH = Motor(1.329, 7.94, 0.003)
+_SHOULDER_ROLL = Motor(1.783, 6.47, 0.003)
+_ELBOW_YAW = Motor(1.547, 7.46, 0.003)
+_ELBOW_ROLL = Motor(1.532, 6.47, 0.003)
+_WRIST_YAW = Motor(0.4075, 17.38, 0.0005)
 _LEG_SLOW = Motor(3.348, 4.162, 0.020)
-_LEG_FAST = Motor(3.023, 6.402, 0.010)
+_LEG_FAST = Motor(3.023, 6.402, 0.008)
 
 
 @dataclasses.dataclass(frozen=True)

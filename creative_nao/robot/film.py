@@ -1,0 +1,110 @@
+"""Pictures of a performance or of a trajectory only imagined: film strips (PNG) and moving pictures (GIF)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from creative_nao import atomic
+from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.joints import N_JOINTS
+from creative_nao.robot import interpolation
+from creative_nao.robot.rendering import Renderer
+from creative_nao.robot.scene import Scene
+
+_GAP_PX = 4
+
+
+def imagined_frames(scene: Scene, trajectory: np.ndarray, dt_s: float, *, frame_dt_s: float = 0.05) -> np.ndarray:
+    """Return `qpos` snapshots of a trajectory that is only imagined: the arms follow it exactly, nothing else moves.
+
+    Args:
+        scene: Where the robot stands.
+        trajectory: Joint angles [rad], shape (n_steps, 8), columns in the order of `joints.JOINTS`.
+        dt_s: Time between rows [s].
+        frame_dt_s: Wanted time between snapshots [s]; rounded so that ticks are among them.
+
+    Returns:
+        Shape (n_frames, nq).
+    """
+    trajectory = np.asarray(trajectory, dtype=np.float64)
+    if trajectory.ndim != 2 or trajectory.shape[1] != N_JOINTS or len(trajectory) < 1:
+        raise ShapeError(f"`trajectory` should have shape (n_steps, {N_JOINTS}), but has {trajectory.shape}.")
+    arms = interpolation.refine(trajectory, dt_s, max(1, round(dt_s / frame_dt_s)))
+    frames = np.repeat(scene.guard_qpos()[None], len(arms), axis=0)
+    frames[:, scene.index.arm_qpos] = arms
+    return frames
+
+
+def moments(frames: np.ndarray, n_moments: int) -> np.ndarray:
+    """Return `n_moments` of the frames, evenly spaced, with the first and the last among them."""
+    if n_moments < 1:
+        raise SettingsError(f"`n_moments` should be at least 1, but is {n_moments}.")
+    rows = np.linspace(0, len(frames) - 1, n_moments).round().astype(int)
+    return frames[rows]
+
+
+def pictures(
+    scene: Scene,
+    frames: np.ndarray,
+    *,
+    camera: str = "side",
+    width: int = 480,
+    height: int = 480,
+    shadows: bool = False,
+    smooth: int = 1,
+) -> list[np.ndarray]:
+    """Draw snapshots, each as uint8 of shape (height, width, 3).
+
+    Raises:
+        MissingDependencyError: If this machine cannot draw; the message names the packages.
+        NotFoundError: If there is no such camera.
+    """
+    with Renderer(scene.model, width, height, shadows=shadows, smooth=smooth) as renderer:
+        return [renderer.frame(qpos, camera) for qpos in frames]
+
+
+def film_strip(images: Sequence[np.ndarray], path: str | os.PathLike[str]) -> Path:
+    """Write pictures side by side into one PNG, earliest at the left, and return its path."""
+    from PIL import Image
+
+    _check(images)
+    height, width = images[0].shape[:2]
+    strip = np.full((height, len(images) * (width + _GAP_PX) - _GAP_PX, 3), 255, dtype=np.uint8)
+    for place, image in enumerate(images):
+        start = place * (width + _GAP_PX)
+        strip[:, start : start + width] = image
+    with atomic.replacing(path) as temporary:
+        Image.fromarray(strip).save(temporary, format="PNG")
+    return Path(path)
+
+
+def write_gif(images: Sequence[np.ndarray], path: str | os.PathLike[str], *, frame_dt_s: float) -> Path:
+    """Write pictures as an endless GIF and return its path; GIF knows steps of 10 ms only."""
+    from PIL import Image
+
+    _check(images)
+    if frame_dt_s < 0.02:
+        raise SettingsError(
+            f"`frame_dt_s` should be at least 0.02 s, the shortest that viewers keep, but is {frame_dt_s}."
+        )
+    # One palette for all pictures, made from the first: without it the background flickers.
+    first = Image.fromarray(images[0]).quantize(colors=256, method=Image.Quantize.MEDIANCUT)
+    rest = [Image.fromarray(image).quantize(palette=first, dither=Image.Dither.NONE) for image in images[1:]]
+    with atomic.replacing(path) as temporary:
+        first.save(
+            temporary, format="GIF", save_all=True, append_images=rest, duration=round(frame_dt_s * 1000), loop=0,
+            optimize=False, disposal=1,
+        )  # fmt: skip
+    return Path(path)
+
+
+def _check(images: Sequence[np.ndarray]) -> None:
+    if len(images) == 0:
+        raise ShapeError("`images` should hold at least one picture, but is empty.")
+    shapes = {image.shape for image in images}
+    if len(shapes) > 1 or images[0].ndim != 3 or images[0].shape[2] != 3:
+        raise ShapeError(f"`images` should be pictures of one size, (height, width, 3), but are {sorted(shapes)}.")

@@ -1,0 +1,212 @@
+"""Let the standing robot perform a trajectory, as fast as MuJoCo can, and always from the same state.
+
+The servos of the arms get a new target every 10 ms, the cycle of the robot's device controller, and go there in a
+straight line within the cycle; legs and head hold the guard.
+Stepping happens inside `mujoco.rollout`: bit for bit the states of a loop over `mj_step`, without its cost in Python.
+"""
+
+# MuJoCo and PyMJCF tell type checkers nothing about their members.
+# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false, reportMissingImports=false
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import mujoco
+import mujoco.rollout
+import numpy as np
+
+from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.joints import JOINTS, MAX_SPEED_RAD_S, N_JOINTS, limits, read_encoder
+from creative_nao.robot import interpolation
+from creative_nao.robot.performance import Hits, Performance, has_fallen, tilt_rad
+from creative_nao.robot.scene import BAG_FORCE, Scene
+from creative_nao.robot.servos import EFFORT_NM
+
+CYCLE_S = 0.010
+"""A new target for the servos every cycle."""
+_WHOLE = 1e-6
+
+
+@dataclasses.dataclass(frozen=True)
+class PlaybackSettings:
+    """How a performance starts."""
+
+    settle_s: float = 2.0
+    """Standing in the guard before the first performance, once; the state at its end starts every performance [s]."""
+    approach_speed_rad_s: float = 2.0
+    """Largest speed on the way from the guard to the first posture."""
+    approach_min_s: float = 0.2
+    """Shortest time for that way."""
+    frame_dt_s: float = 0.05
+    """Time between the snapshots kept for a film [s]."""
+
+
+class Performer:
+    """Performs trajectories with the robot of one scene.
+
+    Every performance starts from the same settled guard, so that equal trajectories give equal bits in any order. From
+    the guard the arms first move smoothly (minimum jerk) to the first posture; if it is the guard, they just start.
+    Between ticks the targets follow a monotone cubic; they are clipped to the joint ranges and move no faster than the
+    joints' no-load speed.
+
+    Not safe to share between threads; make one performer a thread, they may share a scene.
+
+    Args:
+        scene: Where to perform; a new scene if None.
+        settings: How a performance starts.
+    """
+
+    def __init__(self, scene: Scene | None = None, settings: PlaybackSettings | None = None) -> None:
+        self.scene = scene or Scene()
+        self.settings = settings or PlaybackSettings()
+        model = self.scene.model
+        self._data = mujoco.MjData(model)
+        self._substeps = round(CYCLE_S / model.opt.timestep)
+        self._step_s = CYCLE_S / self._substeps
+        self._sensors = _sensor_columns(model)
+        self._settle()
+
+    def _settle(self) -> None:
+        """Stand in the guard until at rest and keep that state: the start of every performance."""
+        model, data = self.scene.model, self._data
+        self.scene.place(data, "Guard")
+        mujoco.mj_step(model, data, nstep=round(self.settings.settle_s / self._step_s))
+        data.time = 0.0
+        kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        self._start = np.empty(mujoco.mj_stateSize(model, kind))
+        mujoco.mj_getState(model, data, self._start, kind)
+        self._warmstart = data.qacc_warmstart.copy()
+        self._control = data.ctrl.copy()
+        self.guard = data.ctrl[self.scene.index.arm_actuator].copy()
+
+    def perform(self, trajectory: np.ndarray, dt_s: float, *, keep_frames: bool = False) -> Performance:
+        """Perform a trajectory and measure it.
+
+        Args:
+            trajectory: Joint angles [rad], shape (n_steps, 8), columns in the order of `joints.JOINTS`.
+            dt_s: Time between rows [s]; a whole number of 10 ms cycles.
+            keep_frames: Keep snapshots of the whole robot for a film.
+
+        Raises:
+            ShapeError: If the trajectory is not (n_steps >= 1, 8) finite angles.
+            SettingsError: If `dt_s` is not a whole number of cycles.
+        """
+        trajectory = _checked(trajectory)
+        cycles_per_tick = _cycles(dt_s)
+        targets, approach = self._targets(trajectory, dt_s, cycles_per_tick)
+        states, sensors = self._run(targets)
+        return self._measure(trajectory, dt_s, cycles_per_tick, targets[approach:], states, sensors, keep_frames)
+
+    def _targets(self, trajectory: np.ndarray, dt_s: float, cycles_per_tick: int) -> tuple[np.ndarray, int]:
+        """Return the target at the end of every cycle, shape (n_cycles, 8), and the cycles of the approach."""
+        low, high = limits()
+        fine = np.clip(interpolation.refine(trajectory, dt_s, cycles_per_tick), low, high)
+        away = float(np.abs(fine[0] - self.guard).max())
+        n_approach = 0
+        if away > 0:
+            seconds = max(self.settings.approach_min_s, 1.875 * away / self.settings.approach_speed_rad_s)
+            n_approach = math.ceil(seconds / CYCLE_S)
+        way = interpolation.minimum_jerk(self.guard, fine[0], n_approach) if n_approach else np.empty((0, N_JOINTS))
+        fastest = np.array([MAX_SPEED_RAD_S[joint] for joint in JOINTS]) * CYCLE_S
+        return interpolation.limit_speed(np.concatenate([way, fine[1:]]), self.guard, fastest), n_approach
+
+    def _run(self, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Step through all cycles; return the state after and the sensors within every physics step."""
+        n_steps = len(targets) * self._substeps
+        if n_steps == 0:
+            return self._start[None], np.zeros((0, self.scene.model.nsensordata))
+        control = np.broadcast_to(self._control, (n_steps, len(self._control))).copy()
+        control[:, self.scene.index.arm_actuator] = interpolation.ramp(self.guard, targets, self._substeps)
+        states, sensors = mujoco.rollout.rollout(
+            self.scene.model,
+            self._data,
+            self._start[None],
+            control[None],
+            initial_warmstart=self._warmstart[None],
+        )
+        return np.concatenate([self._start[None], states[0]]), sensors[0]
+
+    def _measure(
+        self,
+        trajectory: np.ndarray,
+        dt_s: float,
+        cycles_per_tick: int,
+        targets: np.ndarray,
+        states: np.ndarray,
+        sensors: np.ndarray,
+        keep_frames: bool,
+    ) -> Performance:
+        index = self.scene.index
+        low, high = limits()
+        qpos = states[:, 1 : 1 + self.scene.model.nq]
+        n_steps = len(targets) * self._substeps
+        during = qpos[len(qpos) - 1 - n_steps :]
+        felt = {name: sensors[len(sensors) - n_steps :, columns] for name, columns in self._sensors.items()}
+        each_cycle = during[:: self._substeps, index.arm_qpos]
+        error = np.abs(each_cycle[1:] - targets) if len(targets) else np.abs(each_cycle - trajectory)
+        torso = qpos[:, index.torso_qpos : index.torso_qpos + 7]
+        tilt = tilt_rad(torso[:, 3:])
+        saturated = np.abs(felt["torque"]) >= 0.999 * np.array([EFFORT_NM[joint] for joint in JOINTS])
+        frame_every = max(1, round(self.settings.frame_dt_s / self._step_s))
+        return Performance(
+            measured=read_encoder(each_cycle[::cycles_per_tick]),
+            commanded=trajectory,
+            dt_s=dt_s,
+            mean_error_rad=error.mean(axis=0),
+            max_error_rad=error.max(axis=0),
+            saturated_share=_share(saturated),
+            limit_excess_rad=float(np.maximum(low - trajectory, trajectory - high).max(initial=0.0)),
+            self_collision_share=float(_share(felt["self"][:, 0] > 0)),
+            fell=has_fallen(torso[:, 2], tilt),
+            lowest_torso_m=float(torso[:, 2].min()),
+            largest_tilt_rad=float(tilt.max()),
+            hits=Hits.from_force(np.linalg.norm(felt["bag"], axis=1), self._step_s),
+            fist_peak_speed_m_s=np.linalg.norm(felt["fists"].reshape(-1, 2, 3), axis=2).max(axis=0, initial=0.0),
+            frames=during[::frame_every].copy() if keep_frames else None,
+            frame_dt_s=frame_every * self._step_s if keep_frames else 0.0,
+        )
+
+
+def _share(flags: np.ndarray) -> np.ndarray:
+    return flags.mean(axis=0) if len(flags) else np.zeros(flags.shape[1:])
+
+
+def _sensor_columns(model: Any) -> dict[str, np.ndarray]:
+    """Return where the sensors that a performance reads stand in `sensordata`."""
+
+    def columns(*names: str) -> np.ndarray:
+        found = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name) for name in names]
+        starts = [(int(model.sensor_adr[row]), int(model.sensor_dim[row])) for row in found if row >= 0]
+        return np.concatenate([np.arange(0)] + [np.arange(start, start + size) for start, size in starts])
+
+    return {
+        "torque": columns(*(f"nao/{joint}_torque" for joint in JOINTS)),
+        "self": columns("nao/self_contact"),
+        "bag": columns(BAG_FORCE),
+        "fists": columns("nao/RFist_velocity", "nao/LFist_velocity"),
+    }
+
+
+def _checked(trajectory: np.ndarray) -> np.ndarray:
+    array = np.asarray(trajectory, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != N_JOINTS or len(array) < 1:
+        raise ShapeError(
+            f"`trajectory` should have shape (n_steps, {N_JOINTS}), one column per joint of joints.JOINTS, "
+            f"but has {array.shape}."
+        )
+    if not np.isfinite(array).all():
+        row, column = np.argwhere(~np.isfinite(array))[0]
+        raise ShapeError(f"`trajectory` should hold finite angles, but row {row} of {JOINTS[column]} does not.")
+    return array
+
+
+def _cycles(dt_s: float) -> int:
+    cycles = round(dt_s / CYCLE_S)
+    if cycles < 1 or abs(dt_s - cycles * CYCLE_S) > _WHOLE:
+        raise SettingsError(
+            f"`dt_s` should be a whole number of the robot's {CYCLE_S * 1000:g} ms cycles (0.01, 0.02, ...), "
+            f"but is {dt_s}; resample the trajectory."
+        )
+    return cycles
