@@ -8,9 +8,7 @@ import numpy as np
 
 from creative_nao.agents.base import Agent, Context
 from creative_nao.errors import SettingsError
-
-RESOLUTION = 200
-"""Grid points along each PB axis, evenly spaced over [-1, 1] (the paper's generation)."""
+from creative_nao.pb_space import PAPER_RESOLUTION, pb_grid
 
 
 class SupervisedAgent(Agent):
@@ -23,20 +21,19 @@ class SupervisedAgent(Agent):
     name: ClassVar[str] = "supervised"
 
     def start(self, context: Context) -> None:
-        """Draw the cells of the whole episode at once.
+        """Draw the points of the whole episode at once.
 
         Raises:
             SettingsError: If the budget is larger than the grid.
         """
-        if context.n_actions > RESOLUTION**2:
+        grid = pb_grid(PAPER_RESOLUTION)
+        if context.n_actions > len(grid):
             raise SettingsError(
-                f"`n_actions` should be at most {RESOLUTION**2}, the cells of the grid that agent `{self.name}` draws "
+                f"`n_actions` should be at most {len(grid)}, the points of the grid that agent `{self.name}` draws "
                 f"from without replacement, but is {context.n_actions}"
             )
-        self._cells = iter(context.rng.choice(RESOLUTION**2, size=context.n_actions, replace=False))
+        self._drawn = iter(grid[context.rng.choice(len(grid), size=context.n_actions, replace=False)])
 
     def choose(self, observation: np.ndarray) -> np.ndarray:
-        """Return the next cell drawn, shape (2,)."""
-        axis = np.linspace(-1.0, 1.0, RESOLUTION)
-        row, column = divmod(int(next(self._cells)), RESOLUTION)
-        return np.array([axis[column], axis[row]])
+        """Return the next point drawn, shape (2,)."""
+        return next(self._drawn)

@@ -21,6 +21,7 @@ class FakeMemory:
             raise ValueError(f"the fake world has one memory, `fake/0`, not `{name}`")
         self.name = name
         self.dt_s = 0.15
+        self.network = SimpleNamespace(n_pb=2)
         self.pb = np.array([[-0.5, -0.5], [0.5, -0.5], [0.0, 0.5]])
         self.demonstrations = SimpleNamespace(
             names=NAMES, trajectories=list(self.generate(self.pb)), dt_s=0.15, joints=tuple("abcdefgh")

@@ -1,0 +1,136 @@
+"""`creative-nao evaluate SUITE`: compare agents, end with a table and a report."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+from rich.progress import Progress as Bar
+
+from creative_nao.errors import SettingsError
+from creative_nao.evaluation.run import Evaluation, evaluate
+from creative_nao.evaluation.runner import Progress
+from creative_nao.evaluation.suites import find_suite
+from creative_nao.evaluation.tables import terminal_table
+
+PLAIN_EVERY_S = 15.0
+"""Between two lines of progress where no terminal can show a bar."""
+
+
+@dataclass(frozen=True)
+class EvaluateSettings:
+    """Compare agents on a suite; results, figures and a report go to a run folder."""
+
+    suite: tyro.conf.Positional[str] = "quick"
+    """Name of the suite."""
+    out: Path | None = None
+    """Run folder; runs/SUITE-TIMESTAMP unless given. Must be new or empty unless --resume is given."""
+    seed: int = 0
+    """Seed of the whole evaluation; the same seed gives the same results."""
+    n_workers: int | None = None
+    """Most processes at a time; the available cores unless given. Has no influence on results."""
+    resume: bool = False
+    """Continue the run folder --out: finished jobs are not done again."""
+    json: bool = False
+    """Print results.json instead of the table."""
+
+
+def run(settings: EvaluateSettings) -> int:
+    """Evaluate and return the exit code: 0, or 130 after Ctrl-C.
+
+    Raises:
+        CreativeNaoError: If the user made a mistake, or a job failed at every attempt.
+    """
+    suite = find_suite(settings.suite)
+    if settings.resume and settings.out is None:
+        raise SettingsError("--resume continues a run folder: name it with --out")
+    if settings.n_workers is not None and settings.n_workers < 1:
+        raise SettingsError(f"`--n-workers` should be at least 1, but is {settings.n_workers}")
+    if settings.seed < 0:
+        raise SettingsError(f"`--seed` should be at least 0, but is {settings.seed}")
+    stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
+    folder = settings.out or Path("runs") / f"{suite.name}-{stamp}"
+    # Progress goes to stderr, so that --json leaves stdout to the figures.
+    console = Console(stderr=True)
+    try:
+        with _Display(console) as display:
+            evaluation = evaluate(
+                suite,
+                folder,
+                seed=settings.seed,
+                n_workers=settings.n_workers,
+                resume=settings.resume,
+                command=f"creative-nao evaluate {suite.name} --seed {settings.seed}",
+                on_progress=display.show,
+            )
+    except KeyboardInterrupt:
+        again = f"creative-nao evaluate {suite.name} --out {folder} --seed {settings.seed} --resume"
+        console.print(f"stopped; finished jobs are kept, continue with: {again}", soft_wrap=True, highlight=False)
+        return 130
+    _show(evaluation, as_json=settings.json, console=console)
+    return 0
+
+
+def _show(evaluation: Evaluation, *, as_json: bool, console: Console) -> None:
+    if as_json:
+        sys.stdout.write(json.dumps(evaluation.results, indent=2, allow_nan=False) + "\n")
+    else:
+        out = Console() if sys.stdout.isatty() else Console(width=140)
+        out.print(terminal_table(evaluation.results))
+        console = out
+    for name, what in (
+        ("report.html", "report"),
+        ("results.json", "results"),
+        ("episodes.csv", "every action"),
+        ("run.json", "record"),
+    ):
+        console.print(f"{what:>12}: {evaluation.folder / name}", soft_wrap=True, highlight=False)
+
+
+class _Display:
+    """A bar on a terminal, a line now and then elsewhere."""
+
+    def __init__(self, console: Console):
+        self.console, self.last, self.n_done = console, 0.0, -1
+        self.bar = Bar(
+            TextColumn("jobs"),
+            MofNCompleteColumn(),
+            BarColumn(bar_width=30),
+            TextColumn("{task.fields[left]}"),
+            TextColumn("{task.fields[work]}", style="dim"),
+            console=console,
+            transient=True,
+            disable=not console.is_terminal,
+        )
+
+    def __enter__(self) -> _Display:
+        self.bar.start()
+        self.task = self.bar.add_task("jobs", total=None, left="", work="")
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.bar.stop()
+
+    def show(self, progress: Progress) -> None:
+        """Show how far the jobs are."""
+        left = f"{_duration(progress.seconds_left)} left"
+        work = ", ".join(progress.running)
+        if self.console.is_terminal:
+            # The bar follows the expected work, the numbers before it count jobs.
+            self.bar.update(self.task, total=progress.n_total, completed=progress.n_done, left=left, work=work)
+        elif progress.running and (progress.n_done != self.n_done or time.monotonic() - self.last >= PLAIN_EVERY_S):
+            self.last, self.n_done = time.monotonic(), progress.n_done
+            line = f"{progress.n_done} of {progress.n_total} jobs done, about {left}, now: {work}"
+            self.console.print(line, soft_wrap=True, highlight=False)
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

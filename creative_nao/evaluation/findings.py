@@ -1,0 +1,104 @@
+"""What the results say in sentences, and what they do not: written from the figures, never ahead of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from creative_nao.agents.registry import TRAINED
+from creative_nao.evaluation.results import Measured
+from creative_nao.evaluation.suites import Suite
+from creative_nao.evaluation.tables import env_label
+
+FEW_SEEDS = 10
+
+
+def findings(suite: Suite, results: Mapping[str, Any], measured: Measured) -> list[str]:
+    """Return the answer in one sentence per environment and memory, and one on what physics changes."""
+    lines = []
+    for memory in suite.memories:
+        for env in suite.envs:
+            rows = [row for row in results["rows"] if (row["env"], row["memory"]) == (env, memory)]
+            lines.append(_ranking(rows, f"In the {env_label(env)} environment{_of(suite, memory)}"))
+        oracle = measured.oracles[memory]
+        usable = oracle.shares_pct.get("learned", 0.0) + oracle.shares_pct.get("unlearned", 0.0)
+        lines.append(
+            f"The whole map{_of(suite, memory)}: {usable:.0f} % of it gives a usable action, "
+            f"{oracle.shares_pct.get('learned', 0.0):.0f} % a taught one. "
+            f"The oracle earns {sum(oracle.rewards):.1f} with {len(oracle.rewards)} actions."
+        )
+    return lines
+
+
+def limits(suite: Suite) -> list[str]:
+    """Return what the results do not show."""
+    lines = []
+    if trained := [agent for agent in suite.agents if agent in TRAINED]:
+        names = " and ".join(trained)
+        lines.append(
+            f"{names} is judged on the very memory it was trained on. It may have learned that map by heart; whether it "
+            "could search a memory it has never seen is another question, which this suite does not ask."
+        )
+        lines.append(
+            f"The budgets are unequal: before its episode of {suite.n_actions} actions, {names} generated "
+            f"{suite.ppo.n_generated:,} actions in training, the others none."
+        )
+        if any(env != suite.training_env for env in suite.envs):
+            lines.append(
+                f"{names} was trained in the {env_label(suite.training_env)} environment only; in the other it meets "
+                "physics for the first time."
+            )
+    if suite.n_seeds < FEW_SEEDS:
+        lines.append(
+            f"{suite.n_seeds} seeds are few. The intervals are widened for that, but they speak of other seeds, not of "
+            "other memories."
+        )
+    if len(suite.memories) == 1:
+        lines.append(
+            f"One memory, {suite.memories[0]}: another network trained on the same actions has another map, and figures "
+            "of its own."
+        )
+    lines.append(
+        "The oracle is greedy: no search that looks one step ahead earns more at any step, but some other set of "
+        f"actions may earn more in all. It chooses from {suite.resolution} x {suite.resolution} points, "
+        "agents from all between them too."
+    )
+    lines.append(
+        "New and usable is not the same as good boxing: nobody has judged whether the actions found would hit or please."
+    )
+    return lines
+
+
+def notes(results: Mapping[str, Any]) -> list[str]:
+    """Return the reasons of missing or partial figures, once each."""
+    found: dict[str, list[str]] = {}
+    for row in results["rows"]:
+        for key, reason in row.items():
+            if key.endswith("_reason"):
+                where = f"{row['agent']}, {env_label(row['env'])}"
+                found.setdefault(f"{key.removesuffix('_reason').replace('_', ' ')}: {reason}", []).append(where)
+    total = len(results["rows"])
+    return [f"{text} ({'all rows' if len(rows) == total else '; '.join(rows)})." for text, rows in found.items()]
+
+
+def _ranking(rows: list[Mapping[str, Any]], start: str) -> str:
+    ranked = sorted(rows, key=lambda row: -row["reward"]["mean"])
+    told = ", ".join(f"{row['agent']} {row['reward']['mean']:.1f}{_interval(row['reward'])}" for row in ranked)
+    text = f"{start}, the reward is: {told}."
+    if len(ranked) < 2:
+        return text
+    best = ranked[0]
+    if best["reward"]["low"] is None:
+        return f"{text} One seed cannot tell them apart."
+    level = [row["agent"] for row in ranked[1:] if row["reward"]["high"] >= best["reward"]["low"]]
+    if not level:
+        return f"{text} {best['agent']} is ahead of all others: its interval overlaps with none of theirs."
+    return f"{text} The intervals of {best['agent']} and {' and '.join(level)} overlap: these seeds do not tell them apart."
+
+
+def _interval(figure: Mapping[str, Any]) -> str:
+    return "" if figure["low"] is None else f" [{figure['low']:.1f}, {figure['high']:.1f}]"
+
+
+def _of(suite: Suite, memory: str) -> str:
+    return f" of memory {memory}" if len(suite.memories) > 1 else ""

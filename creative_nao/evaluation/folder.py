@@ -1,0 +1,100 @@
+"""A run folder: what makes it new, what makes it possible to continue it, and the record `run.json` that it carries."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+from creative_nao import atomic
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.evaluation.suites import Suite
+from creative_nao.provenance import record, sha256
+
+RECORD = "run.json"
+
+
+def open_folder(
+    folder: Path, suite: Suite, *, base_seed: int, resume: bool, command: str | None = None
+) -> dict[str, Any]:
+    """Make a run folder, or open the one to be continued, and return its record.
+
+    Args:
+        folder: The run folder.
+        suite: What is evaluated there.
+        base_seed: Seed of the whole evaluation.
+        resume: Continue what is there.
+        command: How to type the run again; the running command unless given.
+
+    Raises:
+        SettingsError: If the folder holds something and `resume` is not asked for, or holds another run.
+        NotFoundError: If there is nothing to resume.
+        FileFormatError: If the record is damaged.
+    """
+    settings = json.loads(json.dumps({"suite": dataclasses.asdict(suite), "seed": base_seed}))
+    fresh = record(settings=settings, command=command)
+    path = folder / RECORD
+    if not resume:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise SettingsError(
+                f"`--out` {folder} exists and is not empty; add --resume to continue it, or choose another folder"
+            )
+        write_record(folder, fresh)
+        return fresh
+    if not path.is_file():
+        raise NotFoundError(f"nothing to resume in {folder}: it has no {RECORD}; leave out --resume to start there")
+    found = read_record(folder)
+    _same_run(folder, found, fresh)
+    return found
+
+
+def read_record(folder: Path) -> dict[str, Any]:
+    """Return the record of a run folder.
+
+    Raises:
+        FileFormatError: If it is damaged; the message names the part.
+    """
+    path = folder / RECORD
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise FileFormatError(f"record {path}: not JSON ({error})") from error
+    for part in ("settings", "versions", "command"):
+        if not isinstance(found, dict) or part not in found:
+            raise FileFormatError(f"record {path}: `{part}` is missing")
+    return found
+
+
+def write_record(folder: Path, content: dict[str, Any]) -> Path:
+    """Write the record of a run folder in one step."""
+    return atomic.write_text(folder / RECORD, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of every result in a run folder; the jobs' own files and the record are left out."""
+    found = sorted(path for path in folder.rglob("*") if path.is_file() and path.relative_to(folder).parts[0] != "jobs")
+    return {str(path.relative_to(folder)): sha256(path) for path in found if path.name != RECORD}
+
+
+def _same_run(folder: Path, found: dict[str, Any], fresh: dict[str, Any]) -> None:
+    had, wanted = found["settings"], fresh["settings"]
+    if had.get("suite", {}).get("name") != wanted["suite"]["name"]:
+        raise SettingsError(
+            f"{folder} holds suite `{had.get('suite', {}).get('name')}`, not `{wanted['suite']['name']}`; "
+            "choose another folder"
+        )
+    if had.get("seed") != wanted["seed"]:
+        raise SettingsError(f"{folder} was started with --seed {had.get('seed')}, not {wanted['seed']}")
+    if had != wanted:
+        changed = sorted(key for key in wanted["suite"] if had["suite"].get(key) != wanted["suite"][key])
+        raise SettingsError(
+            f"{folder} was started with other settings of suite `{wanted['suite']['name']}` ({', '.join(changed)}); "
+            "choose another folder"
+        )
+    for package, version in fresh["versions"].items():
+        if found["versions"].get(package) != version:
+            raise SettingsError(
+                f"{folder} was started with {package} {found['versions'].get(package)}, now it is {version}: "
+                "results of two versions would be mixed; choose another folder"
+            )

@@ -1,0 +1,170 @@
+"""How an agent is judged: it plays one episode, and every action it generates is written down."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import math
+import time
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.spaces import Box
+
+from creative_nao import atomic
+from creative_nao.agents.base import Agent, Context
+from creative_nao.errors import SettingsError
+
+
+@dataclass(frozen=True)
+class ActionRecord:
+    """One generated action and what became of it."""
+
+    step: int
+    """Place in the episode, from 1."""
+    pb_1: float
+    pb_2: float
+    outcome: str
+    """learned, unlearned, or why it is inappropriate."""
+    appropriate: bool
+    nearest: str
+    """The basic action most like it."""
+    distance: float
+    """DTW distance to that basic action [rad]."""
+    known_distance: float
+    """DTW distance to the most similar of everything known before: basic actions and repertoire [rad]."""
+    reward: float
+    repertoire_size: int
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One episode of one agent."""
+
+    agent: str
+    env: str
+    memory: str
+    seed: int
+    actions: tuple[ActionRecord, ...]
+    appropriateness_pct: float
+    novelty: float | None
+    """None when no action was appropriate."""
+    diversity: float | None
+    """None when fewer than two actions were appropriate."""
+    seconds: float
+
+    @property
+    def reward(self) -> float:
+        """Sum of the rewards."""
+        return math.fsum(action.reward for action in self.actions)
+
+
+EPISODE_KEYS = ("agent", "env", "memory", "seed")
+COLUMNS = (*EPISODE_KEYS, *(field.name for field in dataclasses.fields(ActionRecord)))
+
+
+def random_streams(base_seed: int, seed: int, agent: str) -> tuple[np.random.Generator, int]:
+    """Return the generator of an agent and the seed of its environment for one repetition.
+
+    They do not depend on the environment: an agent that does not look at observations plays the same PB vectors in
+    physics and in the mind, so that the two can be compared action by action.
+    """
+    sequence = np.random.SeedSequence([base_seed, seed, zlib.crc32(agent.encode())])
+    for_agent, for_env = sequence.spawn(2)
+    return np.random.default_rng(for_agent), int(for_env.generate_state(1)[0])
+
+
+def play(
+    agent: Agent, env: gym.Env, *, env_id: str, memory: str, seed: int, base_seed: int = 0, n_actions: int = 30
+) -> Episode:
+    """Let `agent` play one episode.
+
+    Args:
+        agent: The agent.
+        env: An environment with the terms of this project's in `info`.
+        env_id: Name of the environment, for the record.
+        memory: Name of the environment's memory.
+        seed: Which repetition this is.
+        base_seed: Seed of the whole evaluation.
+        n_actions: The budget; the environment should end the episode there.
+
+    Raises:
+        SettingsError: If the episode is shorter or longer than the budget, or the spaces are no boxes.
+    """
+    rng, env_seed = random_streams(base_seed, seed, agent.name)
+    if not isinstance(env.action_space, Box) or not isinstance(env.observation_space, Box):
+        raise SettingsError(f"environment {env} should have Box spaces, but has {env.action_space}")
+    start = time.perf_counter()
+    observation, _ = env.reset(seed=env_seed)
+    memory_object = getattr(env.unwrapped, "memory", None)
+    agent.begin(Context(env.action_space, env.observation_space, n_actions, rng, memory_object))
+    records: list[ActionRecord] = []
+    info: dict[str, Any] = {}
+    ended = False
+    while not ended and len(records) < n_actions:
+        pb = agent.ask(observation)
+        observation, reward, terminated, truncated, info = env.step(pb)
+        agent.tell(pb, observation, float(reward), info)
+        records.append(_record(len(records) + 1, pb, float(reward), info))
+        ended = terminated or truncated
+    if not ended or len(records) < n_actions:
+        found = "goes on" if not ended else f"ends after {len(records)}"
+        raise SettingsError(f"`n_actions` should be the environment's episode length, but is {n_actions}; it {found}")
+    measures = info["episode_measures"]
+    return Episode(
+        agent=agent.name,
+        env=env_id,
+        memory=memory,
+        seed=seed,
+        actions=tuple(records),
+        appropriateness_pct=float(measures["appropriateness_pct"]),
+        novelty=_number(measures["novelty"]),
+        diversity=_number(measures["diversity"]),
+        seconds=time.perf_counter() - start,
+    )
+
+
+def write_episodes(path: str | Path, episodes: Iterable[Episode]) -> Path:
+    """Write every action of `episodes` as CSV, a row each; figures keep all their digits."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for episode in episodes:
+        keys = [getattr(episode, key) for key in EPISODE_KEYS]
+        writer.writerows([*keys, *dataclasses.astuple(action)] for action in episode.actions)
+    return atomic.write_text(path, text.getvalue())
+
+
+def episode_to_json(episode: Episode) -> dict[str, Any]:
+    """Return `episode` as a dictionary of plain values."""
+    return dataclasses.asdict(episode)
+
+
+def episode_from_json(values: dict[str, Any]) -> Episode:
+    """Return the episode that `episode_to_json` described."""
+    return Episode(**{**values, "actions": tuple(ActionRecord(**action) for action in values["actions"])})
+
+
+def _record(step: int, pb: np.ndarray, reward: float, info: dict[str, Any]) -> ActionRecord:
+    return ActionRecord(
+        step=step,
+        pb_1=float(pb[0]),
+        pb_2=float(pb[1]),
+        outcome=str(info["outcome"]),
+        appropriate=bool(info["appropriate"]),
+        nearest=str(info["nearest_name"]),
+        distance=float(info["distance"]),
+        known_distance=float(info["known_distance"]),
+        reward=reward,
+        repertoire_size=int(info["repertoire_size"]),
+    )
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)

@@ -1,0 +1,149 @@
+"""Figures of a (runs x tasks) array and how far to trust them: pure functions, no files, no plots.
+
+A run is one seed, a task one memory (or any other setting that is repeated for each seed). Intervals are 95 %
+stratified bootstrap intervals: runs are drawn anew within each task, as often as there are. With few runs the plain percentile
+interval is too narrow (five runs: it covers the truth in about 83 of 100 cases), so the percentiles are moved outwards
+by what Student's t is wider than the normal curve: Hesterberg's expanded percentile interval
+(The American Statistician 69, 2015, 371-386). It still never leaves the range of the runs.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from creative_nao.errors import ShapeError
+
+N_RESAMPLES = 10_000
+"""Bootstrap samples of an interval."""
+
+LEVEL = 0.95
+"""Share of cases in which an interval should hold the truth."""
+
+Statistic = Callable[[np.ndarray], np.ndarray]
+"""Takes an array (..., runs, tasks), gives an array (...)."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A figure with its interval; `low` and `high` are None when a single run leaves it unknown."""
+
+    value: float
+    low: float | None
+    high: float | None
+    n_runs: int
+
+
+def mean(values: np.ndarray) -> np.ndarray:
+    """Return the mean over runs and tasks of an array (..., runs, tasks)."""
+    return np.asarray(values, dtype=np.float64).mean(axis=(-2, -1))
+
+
+def iqm(values: np.ndarray) -> np.ndarray:
+    """Return the interquartile mean of an array (..., runs, tasks): the mean of its middle half.
+
+    A quarter of the values, rounded down, is left out at either end.
+
+    Example:
+        >>> float(iqm(np.array([[0.0], [1.0], [3.0], [100.0]])))
+        2.0
+    """
+    values = np.asarray(values, dtype=np.float64)
+    flat = np.sort(values.reshape(*values.shape[:-2], -1), axis=-1)
+    cut = flat.shape[-1] // 4
+    return flat[..., cut : flat.shape[-1] - cut].mean(axis=-1)
+
+
+def estimate(
+    values: np.ndarray,
+    *,
+    rng: np.random.Generator,
+    statistic: Statistic = mean,
+    n_resamples: int = N_RESAMPLES,
+    level: float = LEVEL,
+) -> Estimate:
+    """Return a figure and its stratified bootstrap interval.
+
+    Args:
+        values: Shape (runs, tasks), or (runs,) for one task; finite.
+        rng: Draws the bootstrap samples; the same generator state gives the same interval.
+        statistic: What to estimate, as `mean` or `iqm`.
+        n_resamples: Bootstrap samples.
+        level: Share of cases in which the interval should hold the truth.
+
+    Raises:
+        ShapeError: If `values` is empty, has other axes, or holds values that are not finite.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    if values.ndim == 1:
+        values = values[:, None]
+    if values.ndim != 2 or values.size == 0:
+        raise ShapeError(f"`values` should have shape (runs, tasks), each at least 1, but has {values.shape}")
+    if not np.isfinite(values).all():
+        raise ShapeError(f"`values` should be finite, but holds {values[~np.isfinite(values)][0]}")
+    n_runs = values.shape[0]
+    value = float(statistic(values))
+    if n_runs == 1:
+        return Estimate(value, None, None, 1)
+    tail = expanded_tail(n_runs, level)
+    samples = statistic(resample(values, n_resamples, rng))
+    low, high = np.quantile(samples, [tail, 1.0 - tail])
+    # Of equal runs the mean is rounded differently from sample to sample; an interval holds its own figure.
+    return Estimate(value, min(float(low), value), max(float(high), value), n_runs)
+
+
+def resample(values: np.ndarray, n_resamples: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw runs with replacement, separately within each task.
+
+    Args:
+        values: Shape (runs, tasks).
+        n_resamples: How many arrays to draw.
+        rng: Draws.
+
+    Returns:
+        Shape (n_resamples, runs, tasks).
+    """
+    n_runs, n_tasks = values.shape
+    drawn = rng.integers(n_runs, size=(n_resamples, n_runs, n_tasks))
+    return values[drawn, np.arange(n_tasks)]
+
+
+def expanded_tail(n_runs: int, level: float = LEVEL) -> float:
+    """Return the share of bootstrap samples to leave out at either end, so that n_runs runs are enough for `level`."""
+    upper = 0.5 + level / 2.0
+    stretched = math.sqrt(n_runs / (n_runs - 1)) * student_quantile(upper, n_runs - 1)
+    return statistics.NormalDist().cdf(-stretched)
+
+
+def student_quantile(probability: float, degrees: int) -> float:
+    """Return the quantile of Student's t distribution for whole degrees of freedom, for probabilities above a half.
+
+    Example:
+        >>> round(student_quantile(0.975, 4), 3)
+        2.776
+    """
+    low, high = 0.0, 1.0
+    while _student_cdf(high, degrees) < probability:
+        high *= 2.0
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _student_cdf(middle, degrees) < probability else (low, middle)
+    return 0.5 * (low + high)
+
+
+def _student_cdf(t: float, degrees: int) -> float:
+    """Return P(T <= t) for t >= 0, by the finite sums of Abramowitz and Stegun 26.7.3 and 26.7.4."""
+    angle = math.atan(t / math.sqrt(degrees))
+    cos2, term = math.cos(angle) ** 2, 1.0
+    first = 1 if degrees % 2 == 0 else 2
+    total = 1.0 if degrees > 1 else 0.0
+    for k in range(first, degrees - 2, 2):
+        term *= cos2 * k / (k + 1)
+        total += term
+    if degrees % 2 == 0:
+        return 0.5 + 0.5 * math.sin(angle) * total
+    return 0.5 + (angle + math.sin(angle) * math.cos(angle) * total) / math.pi

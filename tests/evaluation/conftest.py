@@ -1,0 +1,42 @@
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+from creative_nao.agents import PPOSettings
+from creative_nao.evaluation.suites import Suite
+
+BOXING = "fake_boxing:Fake/Boxing-v0"
+MENTAL = "fake_boxing:Fake/BoxingMental-v0"
+TINY_PPO = PPOSettings(n_timesteps=240, n_envs=2, n_steps=60, batch_size=60, n_epochs=2, hidden=(8,))
+
+
+@pytest.fixture
+def in_workers(monkeypatch):
+    """Let the processes of jobs find the fake world."""
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")]))
+
+
+@pytest.fixture
+def make_suite(in_workers):
+    def make(**changes):
+        values = {
+            "name": "fake",
+            "agents": ("supervised", "random", "ppo"),
+            "envs": (BOXING, MENTAL),
+            "memories": ("fake/0",),
+            "n_seeds": 2,
+            "n_actions": 30,
+            "training_env": MENTAL,
+            "ppo": TINY_PPO,
+            "oracle_envs": (MENTAL,),
+            "resolution": 20,
+            "seeds_per_job": 2,
+        }
+        return Suite(**{**values, **changes})
+
+    return make
