@@ -39,7 +39,7 @@ def _end_slope(nearest: np.ndarray, next_one: np.ndarray) -> np.ndarray:
 def refine(values: np.ndarray, dt: float, factor: int) -> np.ndarray:
     """Return the monotone cubic through evenly spaced knots, sampled `factor` times as finely.
 
-    Between two knots the curve never leaves the range they span: a trajectory within the joint limits stays within them.
+    Between two knots the curve never leaves the range they span: what is within the joint limits stays there.
 
     Args:
         values: Knots, shape (n_knots, n_channels); one knot comes back as it is.

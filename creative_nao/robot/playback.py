@@ -119,12 +119,16 @@ class Performer:
             return self._start[None], np.zeros((0, self.scene.model.nsensordata))
         control = np.broadcast_to(self._control, (n_steps, len(self._control))).copy()
         control[:, self.scene.index.arm_actuator] = interpolation.ramp(self.guard, targets, self._substeps)
-        states, sensors = mujoco.rollout.rollout(
+        states = np.empty((1, n_steps, len(self._start)))
+        sensors = np.empty((1, n_steps, self.scene.model.nsensordata))
+        mujoco.rollout.rollout(
             self.scene.model,
             self._data,
             self._start[None],
             control[None],
             initial_warmstart=self._warmstart[None],
+            state=states,
+            sensordata=sensors,
         )
         return np.concatenate([self._start[None], states[0]]), sensors[0]
 

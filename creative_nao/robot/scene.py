@@ -153,10 +153,16 @@ class Scene:
         place(physics.model.ptr, physics.data.ptr, Index.of(physics.model.ptr), "Guard")
         return physics
 
-    @property
+    @functools.cached_property
     def model(self) -> Any:
-        """The compiled `mujoco.MjModel`."""
+        """The compiled `mujoco.MjModel`: of `physics`, or the one a composer environment compiled (see `adopt`)."""
         return self.physics.model.ptr
+
+    def adopt(self, physics: Any) -> None:
+        """Use the model that a `composer.Environment` compiled from `arena`, instead of compiling one here."""
+        for cached in ("physics", "index", "stiffness"):
+            self.__dict__.pop(cached, None)
+        self.__dict__["model"] = physics.model.ptr
 
     @functools.cached_property
     def index(self) -> Index:
