@@ -1,1 +1,5 @@
-"""cli."""
+"""The command line: one file a command, each with its settings as a dataclass and a `run`."""
+
+from creative_nao.cli.dispatch import main
+
+__all__ = ["main"]

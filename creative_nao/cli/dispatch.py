@@ -1,0 +1,112 @@
+"""Find the command, read its flags, turn errors into one line and an exit code."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import os
+import re
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from creative_nao.errors import CreativeNaoError, nearest_name
+
+PROGRAM = "creative-nao"
+COMMANDS = {
+    "teach": ("teach", "TeachSettings", "record the six basic actions by dragging the robot's limp arms"),
+    "train": ("train", "TrainSettings", "train a memory on basic actions"),
+    "map": ("map", "MapSettings", "generate and score a whole grid of a memory's PB space"),
+    "score": ("score", "ScoreSettings", "score recorded movements against the basic actions"),
+    "evaluate": ("evaluate", "EvaluateSettings", "compare agents on a suite; ends with a table and a report"),
+    "memories": ("memories", "MemoriesSettings", "list the shipped memories"),
+    "doctor": ("doctor", "DoctorSettings", "say what this machine can do"),
+}
+"""Command: its file in this folder, its settings class and what it is for."""
+
+USER_ERROR, INTERRUPTED = 2, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line and return its exit code: 0, 2 for a user's mistake, 130 after Ctrl-C."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not words or words[0] in ("-h", "--help"):
+        print(overview())  # noqa: T201 - the command's output
+        return 0
+    if words[0] == "--version":
+        from creative_nao import __version__
+
+        print(f"{PROGRAM} {__version__}")  # noqa: T201 - the command's output
+        return 0
+    try:
+        return _run(words[0], words[1:])
+    except CreativeNaoError as error:
+        return _fail(str(error))
+    except (FileExistsError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
+        return _fail(f"{error.filename}: {error.strerror}")
+    except KeyboardInterrupt:
+        print(f"{PROGRAM}: stopped", file=sys.stderr)  # noqa: T201
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+
+
+def overview() -> str:
+    """Return the text of bare `creative-nao`."""
+    width = max(map(len, COMMANDS))
+    lines = [f"  {name:<{width}}  {purpose}" for name, (_, _, purpose) in COMMANDS.items()]
+    return "\n".join(
+        [
+            f"usage: {PROGRAM} COMMAND [options]",
+            "",
+            "A robot invents movements of its own, and its creativity is measured.",
+            "",
+            *lines,
+            "",
+            f"{PROGRAM} COMMAND --help tells the options of a command, their units and defaults.",
+            f"A first look, in minutes: {PROGRAM} evaluate quick",
+        ]
+    )
+
+
+def _run(name: str, words: list[str]) -> int:
+    if name not in COMMANDS:
+        return _fail(f"no command `{name}`{nearest_name(name, COMMANDS)}; there are {', '.join(COMMANDS)}")
+    module_name, settings_name, _ = COMMANDS[name]
+    module = importlib.import_module(f"creative_nao.cli.{module_name}")
+    settings = _parse(getattr(module, settings_name), name, words)
+    return settings if isinstance(settings, int) else module.run(settings)
+
+
+def _parse(settings_class: type, name: str, words: list[str]) -> Any:
+    """Return the settings, or an exit code when the flags ask for help or cannot be read."""
+    import tyro
+
+    complaint = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(complaint):
+            return tyro.cli(settings_class, prog=f"{PROGRAM} {name}", args=words)
+    except SystemExit as error:
+        if error.code in (0, None):
+            return 0
+        return _fail(f"{name}: {_one_line(complaint.getvalue())}; see {PROGRAM} {name} --help")
+
+
+def _one_line(box: str) -> str:
+    """Return the message of a framed, many-lined complaint as one line."""
+    lines = [re.sub(r"[╭╮╰╯│─]+", " ", line).strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", box).splitlines()]
+    sentences = []
+    for line in lines[1:]:
+        if not line or line.startswith(("Argument helptext", "For full helptext")):
+            if sentences:
+                break
+            continue
+        sentences.append(line)
+    return " ".join(sentences).rstrip(".") or "these options cannot be read"
+
+
+def _fail(message: str) -> int:
+    print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201 - one line, the command's answer
+    return USER_ERROR

@@ -1,0 +1,70 @@
+"""`creative-nao map`: what lies where in a memory's PB space."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from creative_nao.errors import SettingsError
+from creative_nao.measures import OUTCOMES, score, table
+from creative_nao.model import load_memory
+from creative_nao.pb_space import PAPER_RESOLUTION, pb_map
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """Generate and score a whole grid of PB points; write the map as NPZ and as a picture, print its figures."""
+
+    memory: tyro.conf.Positional[str] = "half/0"
+    """Shipped name, such as half/0, or a memory file."""
+    out: Path = Path("map.npz")
+    """NPZ file to write; the picture stands beside it, ending in .png."""
+    resolution: int = PAPER_RESOLUTION
+    """Points along each axis of the PB space."""
+    seed: int = 0
+    """Seed of the draws of novelty and diversity."""
+    json: bool = False
+    """Print the figures as JSON."""
+
+
+def run(settings: MapSettings) -> int:
+    """Make the map, write both files, print the figures of the paper's Table I."""
+    if settings.out.suffix != ".npz":
+        raise SettingsError(f"--out should end in .npz, but is {settings.out}")
+    memory = load_memory(settings.memory)
+    chart = pb_map(memory, settings.resolution)
+    trajectories = chart.trajectories
+    assert trajectories is not None
+    figures = table(
+        trajectories, memory.demonstrations, rng=settings.seed, scores=score(trajectories, memory.demonstrations)
+    )
+    picture = settings.out.with_suffix(".png")
+    chart.save(settings.out)
+    chart.plot(picture)
+    regions = dict(zip(chart.names, chart.learned_region_pct().round(3).tolist(), strict=True))
+    found = {
+        "memory": settings.memory,
+        "resolution": settings.resolution,
+        "appropriate_pct": figures.appropriate_pct,
+        **{f"{outcome}_pct": chart.share_pct(outcome) for outcome in OUTCOMES},
+        "novelty": figures.novelty.mean if figures.novelty else None,
+        "diversity": figures.diversity.mean if figures.diversity else None,
+        "learned_region_pct": regions,
+        "out": [str(settings.out), str(picture)],
+    }
+    if settings.json:
+        print(json.dumps(found))  # noqa: T201 - the command's output
+        return 0
+    print(f"memory {settings.memory}, {settings.resolution} x {settings.resolution} points")  # noqa: T201
+    for name in ("appropriate_pct", *(f"{outcome}_pct" for outcome in OUTCOMES)):
+        print(f"  {name[:-4].replace('_', '-'):<14} {found[name]:6.2f} %")  # noqa: T201
+    for name in ("novelty", "diversity"):
+        value = found[name]
+        print(f"  {name:<14} {'-' if value is None else f'{value:6.2f}'}")  # noqa: T201
+    for name, share in regions.items():
+        print(f"  region of {name:<16} {share:6.2f} %")  # noqa: T201
+    print(f"written: {settings.out}, {picture}")  # noqa: T201
+    return 0

@@ -1,0 +1,19 @@
+"""Make the environments known to Gymnasium, by strings, so that nothing heavy is loaded."""
+
+from __future__ import annotations
+
+NAMESPACE = "CreativeNao"
+ENVIRONMENTS = {
+    "CreativeNao/Boxing-v0": "creative_nao.envs.boxing_env:BoxingEnv",
+    "CreativeNao/BoxingMental-v0": "creative_nao.envs.mental_env:BoxingMentalEnv",
+}
+"""Every environment of the project and the class behind it."""
+
+
+def register_environments() -> None:
+    """Register all environments; a second call changes nothing."""
+    from gymnasium.envs.registration import register, registry
+
+    for name, entry_point in ENVIRONMENTS.items():
+        if name not in registry:
+            register(id=name, entry_point=entry_point)

@@ -1,0 +1,169 @@
+"""What both environments share: an episode in which the robot builds a repertoire of new actions."""
+
+from __future__ import annotations
+
+import abc
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.spaces import Box
+
+from creative_nao.envs.observation import APPROPRIATE, Observer, observation_space
+from creative_nao.envs.repertoire import Repertoire
+from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.measures import Criteria, excursion_limit, excursions, largest_speeds, speed_limits
+from creative_nao.model import Memory, load_memory
+
+EPISODE_ACTIONS = 30
+"""Actions in an episode: the sample size of the paper's measures."""
+
+
+@dataclass(frozen=True)
+class Performed:
+    """One action as it was performed.
+
+    Attributes:
+        trajectory: What is scored [rad], shape (n_steps, n_joints): generated in the mind or measured on the robot.
+        fault: Physical outcome that makes it inappropriate, or None.
+        figures: Further numbers for `info`.
+    """
+
+    trajectory: np.ndarray
+    fault: str | None
+    figures: dict[str, Any]
+
+
+class RepertoireEnv(gym.Env[np.ndarray, np.ndarray], abc.ABC):
+    """Base of the boxing environments: generates, has the action performed, scores it and keeps the repertoire.
+
+    Args:
+        memory: Shipped name such as ``half/0``, path of a memory file, or a `Memory`.
+        n_actions: Actions in an episode.
+        render_mode: One of ``metadata["render_modes"]`` or None.
+        criteria: Where the lines between outcomes are drawn; default: the paper's.
+
+    Raises:
+        NotFoundError: If there is no such memory.
+        SettingsError: If `n_actions` is below 1 or the render mode is unknown.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20}  # noqa: RUF012 - as in gym.Env
+
+    def __init__(
+        self,
+        memory: str | os.PathLike[str] | Memory = "half/0",
+        n_actions: int = EPISODE_ACTIONS,
+        render_mode: str | None = None,
+        criteria: Criteria | None = None,
+    ) -> None:
+        if n_actions < 1:
+            raise SettingsError(f"`n_actions` should be at least 1, but is {n_actions}")
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise SettingsError(
+                f"`render_mode` should be one of {', '.join(self.metadata['render_modes'])} or None, "
+                f"but is {render_mode!r}"
+            )
+        self.render_mode = render_mode
+        self.n_actions = n_actions
+        self.memory = memory if isinstance(memory, Memory) else load_memory(memory)
+        self.criteria = Criteria() if criteria is None else criteria
+        basic = self.memory.demonstrations
+        self.repertoire = Repertoire(basic)
+        self._speed_limit = speed_limits(basic, self.criteria)
+        self._excursion_limit = excursion_limit(basic, self.criteria)
+        n_pb = self.memory.network.n_pb
+        self._observer = Observer(basic.n_actions, n_pb)
+        self.observation_space = observation_space(basic.n_actions, n_pb)
+        self.action_space = Box(-1.0, 1.0, (n_pb,), np.float32)
+        self._step = 0
+
+    @abc.abstractmethod
+    def _perform(self, generated: np.ndarray) -> Performed:
+        """Perform a generated trajectory, (n_steps, n_joints) [rad]."""
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode with an empty repertoire.
+
+        Returns:
+            The observation, all zero, and an `info` with the name of the memory.
+        """
+        super().reset(seed=seed, options=options)
+        self._step = 0
+        self.repertoire.clear()
+        self._observer.clear()
+        return self._observer.vector(), {"memory": self.memory.name}
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Generate the movement of a PB point, perform and score it.
+
+        Args:
+            action: PB vector, shape (n_pb,); values beyond [-1, 1] are clipped.
+
+        Returns:
+            Observation, reward, terminated (always False), truncated (after `n_actions` steps) and `info`.
+
+        Raises:
+            ShapeError: If the action does not have shape (n_pb,) or is not finite.
+        """
+        pb = self._checked(action)
+        generated = self.memory.generate(pb[None])[0]
+        performed = self._perform(generated)
+        novelty = self.repertoire.compare(performed.trajectory)
+        outcome = self._outcome(generated, performed, novelty.distance)
+        appropriate = outcome in APPROPRIATE
+        reward = self.repertoire.reward(novelty) if appropriate else 0.0
+        if appropriate:
+            self.repertoire.accept(performed.trajectory, novelty)
+        self._step += 1
+        truncated = self._step >= self.n_actions
+        self._observer.record(
+            pb=pb,
+            outcome=outcome,
+            nearest=novelty.nearest,
+            novelty=novelty.distance / self.repertoire.scale,
+            known=novelty.known_distance / self.repertoire.scale,
+            reward=reward,
+            progress=min(self._step / self.n_actions, 1.0),
+        )
+        info = {
+            "pb": pb,
+            "outcome": outcome,
+            "appropriate": appropriate,
+            "nearest": novelty.nearest,
+            "nearest_name": self.memory.demonstrations.names[novelty.nearest],
+            "distance": novelty.distance,
+            "known_distance": novelty.known_distance,
+            "reward_novelty": reward,
+            "repertoire_size": len(self.repertoire),
+            "step": self._step,
+            "trajectory": performed.trajectory,
+            **performed.figures,
+        }
+        if truncated:
+            info["episode_measures"] = self.repertoire.measures(self._step)
+        if self.render_mode == "human":
+            self.render()
+        return self._observer.vector(), reward, False, truncated, info
+
+    def _checked(self, action: np.ndarray) -> np.ndarray:
+        pb = np.asarray(action, dtype=np.float64)
+        if pb.shape != self.action_space.shape or not np.isfinite(pb).all():
+            raise ShapeError(
+                f"`action` should be a finite PB vector of shape {self.action_space.shape}, but is {action!r}"
+            )
+        return np.clip(pb, -1.0, 1.0)
+
+    def _outcome(self, generated: np.ndarray, performed: Performed, distance: float) -> str:
+        """Name the outcome; speed is judged on what is commanded, all else on what was performed."""
+        if (largest_speeds([generated], self.memory.dt_s)[0] > self._speed_limit).any():
+            return "fluctuating"
+        if performed.fault is not None:
+            return performed.fault
+        if excursions([performed.trajectory])[0].max() < self._excursion_limit:
+            return "non_moving"
+        return "learned" if distance <= self.criteria.learned_threshold else "unlearned"
