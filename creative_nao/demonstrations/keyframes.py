@@ -2,11 +2,11 @@
 
 A punch is written once, for the right arm, as a list of `(seconds, posture)`: how long the arm takes to reach the
 posture. The left arm mirrors it; the other arm keeps the guard. Between two key postures every joint follows the
-minimum-jerk curve, the usual description of a person's point-to-point movement (Flash and Hogan 1985): at rest at both ends,
-`10 s^3 - 15 s^4 + 6 s^5` of the way at the share `s` of the time.
+minimum-jerk curve, the usual description of a person's point-to-point movement (Flash and Hogan 1985): at rest at both
+ends, `10 s^3 - 15 s^4 + 6 s^5` of the way at the share `s` of the time.
 
-The key postures are our own. The fists stay clear of the chest and of each other, and each wind-up is large: what the
-six have to be is told apart, by a reader and by the distance between them (docs/decisions.md).
+The key postures are our own. Fists, arms, head and thighs stay more than 1 cm apart, and each wind-up is large: the six
+have to be told apart, by whoever watches and by the distance between them.
 """
 
 from __future__ import annotations
@@ -58,15 +58,15 @@ PUNCHES: dict[str, tuple[tuple[float, Posture], ...]] = {
     "hook": (
         (0.70, (0.9, -1.1, 0.6, 1.1)),
         (0.45, (0.1, -0.9, 0.1, 1.2)),
-        (0.45, (0.05, 0.15, 0.0, 1.2)),
+        (0.45, (0.05, 0.1, 0.0, 1.1)),
         (0.60, GUARD),
     ),
     # The fist drops beside the hip, then rises before the face with the elbow bent.
     "uppercut": (
-        (0.75, (1.7, -0.2, 1.2, 0.7)),
-        (0.30, (0.9, -0.1, 1.2, 1.2)),
-        (0.50, (-0.5, 0.1, 1.2, 1.4)),
-        (0.65, GUARD),
+        (0.75, (1.7, -0.3, 1.2, 0.8)),
+        (0.30, (0.9, -0.15, 1.2, 1.2)),
+        (0.45, (-0.35, 0.0, 1.2, 1.3)),
+        (0.70, GUARD),
     ),
 }
 """Each punch as `(seconds to reach it, posture of the right arm)`; it begins and ends in the guard."""
