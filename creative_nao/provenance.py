@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import hashlib
 import importlib.metadata
+import json
 import os
 import platform
 import shlex
@@ -35,7 +36,7 @@ def record(*, settings: dict[str, Any], command: str | None = None) -> dict[str,
     """Return the provenance of a result: command, settings, versions, platform and the time in UTC."""
     return {
         "command": command_line() if command is None else command,
-        "settings": settings,
+        "settings": json.loads(json.dumps(settings)),  # tuples become lists here already, as they do in a file
         "versions": versions(),
         "platform": f"{platform.system()} {platform.machine()}",
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),

@@ -1,0 +1,95 @@
+import contextlib
+import json
+
+import numpy as np
+import pytest
+
+from creative_nao import load_memory
+from creative_nao.errors import FileFormatError, NotFoundError
+from creative_nao.measures import dtw
+from creative_nao.model import CONDITIONS, Memory, shipped_memories
+
+
+def test_a_saved_memory_comes_back_bit_for_bit(tiny_memory, tmp_path):
+    back = load_memory(tiny_memory.save(tmp_path / "m.safetensors"))
+    pb = np.random.default_rng(0).uniform(-1, 1, (5, 2))
+
+    assert np.array_equal(back.generate(pb), tiny_memory.generate(pb))
+    assert back.demonstrations.names == tiny_memory.demonstrations.names
+    assert (back.network, back.training, back.record) == (tiny_memory.network, tiny_memory.training, tiny_memory.record)
+    assert np.array_equal(back.loss_history, tiny_memory.loss_history)
+
+
+def test_a_torn_memory_names_the_part_wherever_it_is_cut(tiny_memory, tmp_path):
+    content = tiny_memory.save(tmp_path / "m.safetensors").read_bytes()
+    path = tmp_path / "torn.safetensors"
+    for length in [*range(0, 64), *range(64, len(content), 997), len(content) - 1]:
+        path.write_bytes(content[:length])
+        with pytest.raises(FileFormatError, match=r"torn\.safetensors: .*(header|array)"):
+            Memory.read(path)
+
+
+def test_a_flipped_bit_in_the_header_is_never_another_error(tiny_memory, tmp_path):
+    content = bytearray(tiny_memory.save(tmp_path / "m.safetensors").read_bytes())
+    header_bytes = 8 + int.from_bytes(content[:8], "little")
+    path = tmp_path / "flipped.safetensors"
+    rng = np.random.default_rng(0)
+    for place in rng.integers(0, header_bytes, 300):
+        flipped = bytearray(content)
+        flipped[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(flipped)
+        with contextlib.suppress(FileFormatError):  # any other error fails the test
+            Memory.read(path)
+
+
+def test_a_foreign_file_is_refused(tmp_path):
+    path = tmp_path / "notes.txt"
+    path.write_text("not a memory, only some words " * 5)
+
+    with pytest.raises(FileFormatError, match=r"not a memory file: its first 8 bytes announce a header of \d+ bytes"):
+        load_memory(path)
+
+
+def test_not_a_number_in_the_weights_is_named(tiny_memory, tmp_path):
+    tiny_memory.parameters["w_in"].flat[0], kept = np.nan, tiny_memory.parameters["w_in"].flat[0]
+    try:
+        path = tiny_memory.save(tmp_path / "m.safetensors")
+    finally:
+        tiny_memory.parameters["w_in"].flat[0] = kept
+
+    with pytest.raises(FileFormatError, match="`parameter/w_in` should hold finite numbers"):
+        load_memory(path)
+
+
+def test_an_unknown_name_offers_the_nearest():
+    with pytest.raises(NotFoundError, match=r"no memory `hlf/0` \(did you mean `half/0`\?\)"):
+        load_memory("hlf/0")
+
+
+def test_one_memory_of_each_condition_ships():
+    assert {f"{condition}/0" for condition in CONDITIONS} <= set(shipped_memories())
+
+
+@pytest.mark.parametrize("name", [f"{condition}/0" for condition in CONDITIONS])
+def test_a_shipped_memory_says_how_it_was_made(name):
+    memory = load_memory(name)
+
+    assert memory.closed_loop_ratio == CONDITIONS[name.split("/")[0]]
+    assert memory.training.n_epochs >= 20_000
+    assert memory.record["command"].startswith("creative-nao train ")
+    assert {"torch", "numba", "numpy"} <= set(memory.record["versions"])
+    json.dumps(memory.record)
+
+
+def test_half_0_gives_every_basic_action_back_in_closed_loop():
+    memory = load_memory("half/0")
+    generated = memory.generate(memory.pb)
+
+    assert max(dtw(a, b) for a, b in zip(generated, memory.demonstrations.trajectories, strict=True)) < 10.0
+
+
+def test_shipped_memories_learned_the_shipped_demonstrations(demonstrations):
+    for name in shipped_memories():
+        mine = load_memory(name).demonstrations
+        assert mine.names == demonstrations.names
+        assert all(np.array_equal(a, b) for a, b in zip(mine.trajectories, demonstrations.trajectories, strict=True))
