@@ -16,6 +16,7 @@ from creative_nao.robot.rendering import Renderer
 from creative_nao.robot.scene import Scene
 
 _GAP_PX = 4
+_PALETTE_SAMPLES = 4
 
 
 def imagined_frames(scene: Scene, trajectory: np.ndarray, dt_s: float, *, frame_dt_s: float = 0.05) -> np.ndarray:
@@ -91,9 +92,10 @@ def write_gif(images: Sequence[np.ndarray], path: str | os.PathLike[str], *, fra
         raise SettingsError(
             f"`frame_dt_s` should be at least 0.02 s, the shortest that viewers keep, but is {frame_dt_s}."
         )
-    # One palette for all pictures, made from the first: without it the background flickers.
-    first = Image.fromarray(images[0]).quantize(colors=256, method=Image.Quantize.MEDIANCUT)
-    rest = [Image.fromarray(image).quantize(palette=first, dither=Image.Dither.NONE) for image in images[1:]]
+    # One palette for all pictures, made from a sample of them: with one each, the background flickers.
+    sample = np.concatenate(moments(np.stack(images), min(len(images), _PALETTE_SAMPLES)))
+    palette = Image.fromarray(sample).quantize(colors=256, method=Image.Quantize.MEDIANCUT)
+    first, *rest = [Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     with atomic.replacing(path) as temporary:
         first.save(
             temporary, format="GIF", save_all=True, append_images=rest, duration=round(frame_dt_s * 1000), loop=0,

@@ -1,0 +1,111 @@
+"""The ring as a dm_control environment."""
+
+import numpy as np
+import pytest
+
+from creative_nao.demonstrations import load_demonstrations
+from creative_nao.envs import boxing_task
+from creative_nao.errors import SettingsError
+from creative_nao.joints import JOINTS, limits
+from creative_nao.robot import Performer, arm_angles
+
+
+@pytest.fixture(scope="module")
+def env():
+    return boxing_task.load(seed=0)
+
+
+def rollout(env, targets):
+    steps = [env.reset()]
+    for target in targets:
+        steps.append(env.step(target))
+        if steps[-1].last():
+            break
+    return steps
+
+
+def test_actions_are_the_eight_arm_joints(env):
+    spec = env.action_spec()
+    low, high = limits()
+    assert spec.shape == (8,)
+    assert tuple(spec.name.split("\t")) == JOINTS
+    np.testing.assert_array_equal(spec.minimum, low)
+    np.testing.assert_array_equal(spec.maximum, high)
+
+
+def test_observations_are_those_of_the_page(env):
+    observed = {name: value.shape for name, value in env.reset().observation.items()}
+    page = boxing_task.BoxingTask.__doc__ or ""
+    assert all(f"`{name}`" in page for name in observed)
+    assert observed == {
+        "nao/joint_positions": (8,),
+        "nao/joint_velocities": (8,),
+        "nao/touch": (4,),
+        "bag/swing": (2,),
+        "bag/swing_velocity": (2,),
+    }
+    assert {name: spec.shape for name, spec in env.observation_spec().items()} == observed
+
+
+def test_standing_in_the_guard_lasts_the_whole_time_and_earns_nothing(env):
+    steps = rollout(env, [arm_angles("Guard")] * 200)
+    assert len(steps) - 1 == 150, "7.5 s in steps of 50 ms"
+    assert steps[-1].discount == 1.0
+    assert sum(step.reward for step in steps[1:]) == 0.0
+    touch = steps[-1].observation["nao/touch"]
+    assert touch[[0, 2]].tolist() == [0, 0], "fists"
+    assert touch[[1, 3]].sum() == pytest.approx(5.36 * 9.81, rel=0.01), "feet carry the weight"
+
+
+def test_a_punch_earns_the_impulse_on_the_bag(env):
+    guard, straight = arm_angles("Guard"), arm_angles("Guard")
+    straight[:4] = [0.0, -0.05, 0.5, 0.06]
+    steps = rollout(env, [guard] * 5 + [straight] * 20)
+    assert sum(step.reward for step in steps[1:]) > 0.1
+    assert np.abs(steps[-1].observation["bag/swing"]).max() > 0.02
+
+
+def test_equal_seeds_start_equally_and_others_do_not():
+    def first(seed):
+        return boxing_task.load(seed=seed, start_noise_rad=0.1).reset().observation["nao/joint_positions"]
+
+    np.testing.assert_array_equal(first(3), first(3))
+    assert not np.array_equal(first(3), first(4))
+    assert np.abs(first(3) - arm_angles("Guard")).max() < 0.12
+
+
+def test_the_same_actions_give_the_same_bits(env):
+    targets = load_demonstrations().trajectories[0][:20]
+    one, two = (rollout(env, targets)[-1].observation for _ in range(2))
+    for name, value in one.items():
+        assert np.array_equal(value, two[name]), name
+
+
+def test_a_fall_ends_the_episode(env):
+    env.reset()
+    with env.physics.reset_context():
+        start = env.task.scene.index.torso_qpos
+        env.physics.data.qpos[start + 2 : start + 7] = [0.5, np.sqrt(0.5), 0, np.sqrt(0.5), 0]  # lying in the air
+    step = env.step(arm_angles("Guard"))
+    assert step.last()
+    assert step.discount == 0.0
+
+
+def test_the_performer_runs_on_the_model_of_the_environment(env):
+    performer = Performer(env.task.scene)
+    assert performer.scene.model is env.physics.model.ptr
+    assert not performer.perform(np.repeat(arm_angles("Guard")[None], 5, axis=0), 0.15).fell
+
+
+def test_a_control_step_is_a_whole_number_of_physics_steps():
+    with pytest.raises(SettingsError, match=r"whole number of physics steps of 0\.005 s, but is 0\.007"):
+        boxing_task.load(control_step_s=0.007)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [({"start_noise_rad": -1.0}, "`start_noise_rad` should be at least 0"), ({"time_limit_s": 0.0}, "`time_limit_s`")],
+)
+def test_settings_out_of_range_are_named(settings, message):
+    with pytest.raises(SettingsError, match=message):
+        boxing_task.load(**settings)

@@ -1,0 +1,181 @@
+"""Frames are drawn where off-screen GL starts; elsewhere physics runs on and the error says what to install."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from creative_nao.errors import MissingDependencyError, NotFoundError, SettingsError, ShapeError
+from creative_nao.robot import (
+    Renderer,
+    can_draw,
+    film_strip,
+    headless,
+    imagined_frames,
+    moments,
+    pictures,
+    rendering,
+    write_gif,
+)
+
+needs_gl = pytest.mark.skipif(not can_draw(), reason="this machine has no off-screen GL")
+
+
+def run_without_gl(code):
+    """Run in a fresh interpreter whose environment names no back end and in which no GL library can be loaded."""
+    prelude = """
+import ctypes, ctypes.util
+real = ctypes.CDLL.__init__
+def refuse(self, name, *arguments, **named):
+    if name and any(part in str(name) for part in ("EGL", "OSMesa", "libGL", "OpenGL", "glfw")):
+        raise OSError(name)
+    real(self, name, *arguments, **named)
+ctypes.CDLL.__init__ = refuse
+"""
+    names = ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY", "PYOPENGL_PLATFORM")
+    environment = {key: value for key, value in os.environ.items() if key not in names}
+    done = subprocess.run([sys.executable, "-c", prelude + code], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_without_gl_physics_runs_to_the_same_bits(performances):
+    code = """
+import os
+from creative_nao.demonstrations import load_demonstrations
+from creative_nao.robot import Performer
+demos = load_demonstrations()
+print(os.environ["MUJOCO_GL"], Performer().perform(demos.trajectories[0], demos.dt_s).measured.tobytes().hex())
+"""
+    backend, measured = run_without_gl(code).split()
+    assert backend == "disable"
+    assert measured == performances["left_jab"].measured.tobytes().hex()
+
+
+def test_without_gl_a_frame_asks_for_the_packages():
+    code = """
+from creative_nao.errors import MissingDependencyError
+from creative_nao.robot import Renderer, Scene, can_draw
+try:
+    Renderer(Scene().model)
+except MissingDependencyError as error:
+    print(error)
+print(can_draw())
+"""
+    printed = run_without_gl(code)
+    assert "apt-get install libegl1 libgl1-mesa-dri libopengl0" in printed
+    assert printed.endswith("False\n")
+
+
+def test_importing_the_package_loads_neither_mujoco_nor_gl():
+    code = """
+import sys, creative_nao.robot
+print([name for name in ("mujoco", "dm_control", "OpenGL") if name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize(
+    ("libraries", "egl", "expected"),
+    [
+        ({"libOpenGL.so.0", "libOSMesa.so.8"}, True, "egl"),
+        ({"libGL.so.1"}, True, "egl"),
+        (set(), True, "disable"),
+        ({"libOSMesa.so.8"}, False, "osmesa"),
+        (set(), False, "disable"),
+    ],
+)
+def test_the_first_back_end_that_works_is_chosen(monkeypatch, libraries, egl, expected):
+    monkeypatch.setattr(headless, "_egl_starts", lambda: egl)
+    monkeypatch.setattr(headless, "_loads", lambda name: name in libraries)
+    assert headless.working_backend() == expected
+
+
+@pytest.mark.parametrize("name", ["MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY"])
+def test_what_the_user_or_a_display_decides_stays(monkeypatch, name):
+    for variable in ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setenv(name, "glfw")
+    monkeypatch.delitem(sys.modules, "mujoco", raising=False)
+    before = dict(os.environ)
+    headless.prepare()
+    assert dict(os.environ) == before
+
+
+def test_a_broken_back_end_is_reported_with_its_name(scene, monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "vulkan")
+    with pytest.raises(MissingDependencyError, match=r"MUJOCO_GL=vulkan: no back end `vulkan`"):
+        rendering.Renderer(scene.model)
+
+
+@needs_gl
+def test_a_frame_shows_the_robot(scene):
+    guard = scene.guard_qpos()
+    away = guard.copy()
+    away[scene.index.torso_qpos] -= 50
+    with Renderer(scene.model, 160, 120) as renderer:
+        with_robot, without = renderer.frame(guard, "close"), renderer.frame(away, "close")
+        assert np.array_equal(renderer.frame(guard, "close"), with_robot)
+    assert with_robot.shape == (120, 160, 3)
+    assert with_robot.dtype == np.uint8
+    changed = (with_robot != without).any(axis=2).mean()
+    assert 0.05 < changed < 0.5
+    red = (with_robot[..., 0] > 150) & (with_robot[..., 1] < 60)
+    assert red.sum() > 50, "the gloves"
+
+
+@needs_gl
+def test_every_camera_sees_something(scene):
+    with Renderer(scene.model, 64, 48) as renderer:
+        for camera in ("close", "ringside", "side", "left"):
+            assert renderer.frame(scene.guard_qpos(), camera).std() > 10
+
+
+@needs_gl
+def test_an_unknown_camera_names_the_nearest(scene):
+    with Renderer(scene.model, 64, 48) as renderer, pytest.raises(NotFoundError, match=r"did you mean `side`\?"):
+        renderer.frame(scene.guard_qpos(), "sied")
+
+
+def test_a_size_is_positive(scene):
+    with pytest.raises(SettingsError, match="at least 1, but are 0, 480 and 1"):
+        Renderer(scene.model, 0, 480)
+
+
+@needs_gl
+def test_a_film_strip_shows_moments_side_by_side(scene, performances, tmp_path):
+    frames = moments(performances["right_straight"].frames, 4)
+    images = pictures(scene, frames, width=80, height=60, shadows=True, smooth=2)
+    path = film_strip(images, tmp_path / "strip.png")
+    strip = np.asarray(Image.open(path))
+    assert strip.shape == (60, 4 * 80 + 3 * 4, 3)
+    assert np.array_equal(strip[:, 84:164], images[1])
+
+
+def test_a_gif_keeps_its_pictures_and_pace(tmp_path):
+    images = [np.full((20, 30, 3), level, dtype=np.uint8) for level in (0, 128, 255)]
+    with Image.open(write_gif(images, tmp_path / "a.gif", frame_dt_s=0.05)) as gif:
+        assert (gif.size, gif.n_frames, gif.info["duration"], gif.info["loop"]) == ((30, 20), 3, 50, 0)
+
+
+def test_moments_keep_the_first_and_the_last():
+    assert moments(np.arange(11)[:, None], 3)[:, 0].tolist() == [0, 5, 10]
+
+
+def test_an_imagined_trajectory_moves_the_arms_exactly_and_nothing_else(scene, demos):
+    frames = imagined_frames(scene, demos.trajectories[2], demos.dt_s)
+    assert len(frames) == 49 * 3 + 1
+    np.testing.assert_array_equal(frames[::3, scene.index.arm_qpos], demos.trajectories[2])
+    rest = np.setdiff1d(np.arange(scene.model.nq), scene.index.arm_qpos)
+    assert np.array_equal(frames[:, rest], np.repeat(frames[:1, rest], len(frames), axis=0))
+
+
+def test_pictures_of_different_sizes_are_refused(tmp_path):
+    with pytest.raises(ShapeError, match="pictures of one size"):
+        film_strip([np.zeros((2, 2, 3), np.uint8), np.zeros((3, 2, 3), np.uint8)], tmp_path / "a.png")
+    with pytest.raises(ShapeError, match="at least one picture"):
+        write_gif([], tmp_path / "a.gif", frame_dt_s=0.1)
