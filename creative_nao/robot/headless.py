@@ -17,9 +17,10 @@ _MAX_DEVICES = 16
 def prepare() -> None:
     """Set MUJOCO_GL to `egl`, `osmesa` or `disable`, the first that works here, unless the user or a display decides.
 
-    Nothing happens when MUJOCO_GL is set, when a display is there, off Linux, or when MuJoCo is already imported.
+    Nothing happens when MUJOCO_GL is set, when a display is there, or off Linux. If MuJoCo is already imported,
+    dm_control, which reads the variable for itself, still profits.
     """
-    if os.environ.get("MUJOCO_GL") or not sys.platform.startswith("linux") or "mujoco" in sys.modules:
+    if os.environ.get("MUJOCO_GL") or not sys.platform.startswith("linux"):
         return
     if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         return

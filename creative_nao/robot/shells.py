@@ -179,7 +179,7 @@ LOOKS: tuple[Shape, ...] = (
     Shape("LTibia", "capsule", (0.028,), ends=(-0.002, 0.004, -0.060, -0.003, 0.005, -0.085)),
     Shape("LAnkle", "cylinder", (0.022, 0.027), turn=(_Q, 0, 0), paint="joint"),
     Shape("LFoot", "ellipsoid", (0.080, 0.043, 0.036), at=(0.0244, 0.0056, -0.0300)),
-    Shape("LFoot", "ellipsoid", (0.034, 0.034, 0.026), at=(0.0560, 0.0056, -0.0235), paint="accent"),
+    Shape("LFoot", "ellipsoid", (0.024, 0.024, 0.020), at=(0.0540, 0.0056, -0.0105), paint="accent"),
     Shape("LFoot", "ellipsoid", (0.082, 0.046, 0.0130), at=(0.0244, 0.0056, -0.0330), paint="sole"),
 )
 """Visual shapes of trunk, head and left limbs."""

@@ -100,7 +100,6 @@ def test_what_the_user_or_a_display_decides_stays(monkeypatch, name):
     for variable in ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(variable, raising=False)
     monkeypatch.setenv(name, "glfw")
-    monkeypatch.delitem(sys.modules, "mujoco", raising=False)
     before = dict(os.environ)
     headless.prepare()
     assert dict(os.environ) == before
