@@ -5,6 +5,9 @@
 - `Demonstrations`: names, trajectories, tick, joints and record, checked (`dataset.py`).
 - `ACTIONS`, `keyframes`, `Movement`: the six boxing actions as key postures (`keyframes.py`).
 - `Variation`, `vary`: how a person's hand differs from them (`variation.py`).
+
+`teaching.py` leads the simulated robot's limp arms through them, with the hands of `grip.py`; `checks.py` says what is
+wrong with the result. They load MuJoCo and are imported by name only where something is taught.
 """
 
 from creative_nao.demonstrations.csv_format import load_trajectory, save_trajectory

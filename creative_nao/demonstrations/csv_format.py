@@ -51,8 +51,11 @@ def load_trajectory(
     for name in (TIME_COLUMN, *wanted):
         if name not in header:
             raise FileFormatError(
-                f"{path}: column `{name}` is missing{nearest_name(name, header)}; the header has {', '.join(header)}."
+                f"{path}: column `{name}` is missing{nearest_name(name, header)}; "
+                f"the first line, which should name the columns, has {', '.join(header)[:200]}."
             )
+        if header.count(name) > 1:
+            raise FileFormatError(f"{path}: column `{name}` stands in the first line more than once.")
     columns = [header.index(name) for name in (TIME_COLUMN, *wanted)]
     values = np.array([[_number(row[c], header[c], path, line) for c in columns] for line, row in rows])
     times, angles = values[:, 0], values[:, 1:]
@@ -140,9 +143,6 @@ def _read_table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         raise FileFormatError(
             f"{path}: line {table[0][0]}: has {mark} between the columns, expected commas, and a point as decimal mark."
         )
-    repeated = [name for name in header if header.count(name) > 1]
-    if repeated:
-        raise FileFormatError(f"{path}: column `{repeated[0]}` stands in the header more than once.")
     for line, row in table[1:]:
         if len(row) != len(header):
             hint = "; perhaps a comma is the decimal mark" if len(row) > len(header) else ""

@@ -4,7 +4,7 @@ Between the samples a monotone cubic (Fritsch and Carlson 1980) never overshoots
 recording finer than the tick holds movement that the tick cannot (tremor at 10 Hz against 3.3 Hz), which plain picking
 would turn into a slow wobble that nobody made. So each posture is a mean over a Hann window, as wide as the tick less
 the spacing of the recording: of a 50 Hz recording read at 0.15 s, a 1.5 Hz swing keeps 98 % of its size and a 10 Hz
-tremor 27 %. A recording at the tick itself is taken as it is.
+tremor less than 30 %. A recording at the tick itself is taken as it is.
 """
 
 from __future__ import annotations

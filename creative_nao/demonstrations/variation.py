@@ -11,7 +11,7 @@ import numpy as np
 
 from creative_nao.demonstrations.keyframes import Movement
 from creative_nao.errors import SettingsError
-from creative_nao.joints import ENCODER_STEP_RAD, JOINTS, limits
+from creative_nao.joints import JOINTS, limits
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class GuidedPath:
     movement: Movement
     drift: Wobble
     tremor: Wobble
-    margin_rad: float = 2.0 * ENCODER_STEP_RAD
+    margin_rad: float = 0.03
 
     def at(self, times_s: np.ndarray) -> np.ndarray:
         """Return the postures [rad] the hand leads to at `times_s` [s], shape (n, 8), within the joints' ranges."""
