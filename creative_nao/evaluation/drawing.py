@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -42,18 +41,16 @@ def figure(
     width: float, height: float, n_rows: int = 1, n_columns: int = 1, **kwargs: object
 ) -> tuple[Figure, list[Axes]]:
     """Return an empty figure of `width` x `height` inches, free of any display, and its axes row by row."""
-    with matplotlib.rc_context(STYLE):
-        drawn = Figure(figsize=(width, height), layout="constrained")
-        axes = drawn.subplots(n_rows, n_columns, squeeze=False, **kwargs)  # pyright: ignore[reportCallIssue, reportArgumentType]
+    drawn = Figure(figsize=(width, height), layout="constrained")
+    axes = drawn.subplots(n_rows, n_columns, squeeze=False, **kwargs)  # pyright: ignore[reportCallIssue, reportArgumentType]
     return drawn, list(axes.ravel())
 
 
 def save(drawn: Figure, path: Path) -> Path:
     """Write a figure as `path`.png and `path`.svg, each in one step, and return the PNG's path."""
     png, svg = path.with_suffix(".png"), path.with_suffix(".svg")
-    with matplotlib.rc_context(STYLE):
-        with atomic.replacing(png) as temporary:
-            drawn.savefig(temporary, format="png", dpi=DPI, metadata={"Software": None})
-        with atomic.replacing(svg) as temporary:
-            drawn.savefig(temporary, format="svg", metadata={"Date": None})
+    with atomic.replacing(png) as temporary:
+        drawn.savefig(temporary, format="png", dpi=DPI, metadata={"Software": None})
+    with atomic.replacing(svg) as temporary:
+        drawn.savefig(temporary, format="svg", metadata={"Date": None})
     return png

@@ -36,8 +36,8 @@ def limits(suite: Suite) -> list[str]:
     if trained := [agent for agent in suite.agents if agent in TRAINED]:
         names = " and ".join(trained)
         lines.append(
-            f"{names} is judged on the very memory it was trained on. It may have learned that map by heart; whether it "
-            "could search a memory it has never seen is another question, which this suite does not ask."
+            f"{names} is judged on the very memory it was trained on. It may have learned that map by heart; "
+            "whether it could search a memory it has never seen is another question, which this suite does not ask."
         )
         lines.append(
             f"The budgets are unequal: before its episode of {suite.n_actions} actions, {names} generated "
@@ -55,8 +55,8 @@ def limits(suite: Suite) -> list[str]:
         )
     if len(suite.memories) == 1:
         lines.append(
-            f"One memory, {suite.memories[0]}: another network trained on the same actions has another map, and figures "
-            "of its own."
+            f"One memory, {suite.memories[0]}: another network trained on the same actions has another map, "
+            "and figures of its own."
         )
     lines.append(
         "The oracle is greedy: no search that looks one step ahead earns more at any step, but some other set of "
@@ -64,7 +64,7 @@ def limits(suite: Suite) -> list[str]:
         "agents from all between them too."
     )
     lines.append(
-        "New and usable is not the same as good boxing: nobody has judged whether the actions found would hit or please."
+        "New and usable is not the same as good boxing: nobody has judged whether the actions would hit or please."
     )
     return lines
 
@@ -93,7 +93,8 @@ def _ranking(rows: list[Mapping[str, Any]], start: str) -> str:
     level = [row["agent"] for row in ranked[1:] if row["reward"]["high"] >= best["reward"]["low"]]
     if not level:
         return f"{text} {best['agent']} is ahead of all others: its interval overlaps with none of theirs."
-    return f"{text} The intervals of {best['agent']} and {' and '.join(level)} overlap: these seeds do not tell them apart."
+    names = " and ".join([best["agent"], *level])
+    return f"{text} The intervals of {names} overlap: these seeds do not tell them apart."
 
 
 def _interval(figure: Mapping[str, Any]) -> str:

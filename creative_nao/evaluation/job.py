@@ -1,6 +1,6 @@
 """A job's own process: `python -m creative_nao.evaluation.job SPEC.json FOLDER` does one job and writes its result.
 
-A process of its own keeps the result independent of what ran before; a worker that is killed takes nothing else with it.
+A process of its own keeps the result independent of what ran before; one that is killed takes nothing else with it.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ def main(arguments: list[str]) -> int:
     """Do the job described in the file `arguments[0]` for the run folder `arguments[1]`; return the exit code."""
     _leave_with_the_runner()
     job, folder = read_spec(Path(arguments[0])), Path(arguments[1])
-    import torch
-
-    torch.set_num_threads(1)
+    from creative_nao.envs import register_environments
     from creative_nao.evaluation.work import WORK
+
+    register_environments()
 
     try:
         write_result(job, folder, WORK[job.kind](job.spec, folder, _Reporter(job, folder)))

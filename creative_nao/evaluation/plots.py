@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,6 +17,9 @@ from creative_nao.evaluation.protocol import Episode
 from creative_nao.evaluation.results import Measured, Oracle
 from creative_nao.evaluation.suites import Suite
 from creative_nao.evaluation.tables import env_label
+
+MAX_BINS = 40
+"""Most points of a training curve; each is a mean over the episodes that ended in its stretch."""
 
 ORACLE = {"color": INK, "linestyle": (0, (1, 1.5)), "linewidth": 1.6}
 
@@ -76,8 +80,8 @@ def training(suite: Suite, measured: Measured, memory: str) -> Figure:
     drawn, (ax,) = figure(8.6, 3.6)
     for agent in dict.fromkeys(t.agent for t in measured.trainings if t.memory == memory):
         curves = [t for t in measured.trainings if (t.memory, t.agent) == (memory, agent)]
-        n_bins = 40
-        edges = np.linspace(0.0, max(t.n_actions[-1] for t in curves), n_bins + 1)
+        n_bins = min(MAX_BINS, len(set(curves[0].n_actions)))  # copies of an environment end their episodes together
+        edges = np.linspace(0.0, curves[0].n_actions[-1], n_bins + 1)
         centres = 0.5 * (edges[1:] + edges[:-1])
         binned = np.array([_binned(t.n_actions, t.reward, edges) for t in curves])
         colour = agent_colour(agent)
@@ -85,10 +89,13 @@ def training(suite: Suite, measured: Measured, memory: str) -> Figure:
         ax.plot(
             centres, binned.mean(axis=0), color=colour, linewidth=2.4, label=f"{agent}, mean of {len(curves)} seeds"
         )
+    dashes = itertools.cycle(["--", "-.", (0, (8, 3))])
     for agent in suite.agents:
         level = [e.reward for e in _episodes(measured, memory, suite.training_env, agent)]
         if level and not any(t.agent == agent for t in measured.trainings):
-            ax.axhline(float(np.mean(level)), color=agent_colour(agent), linewidth=1.6, linestyle="--", label=agent)
+            ax.axhline(
+                float(np.mean(level)), color=agent_colour(agent), linewidth=1.8, linestyle=next(dashes), label=agent
+            )
     if suite.training_env in suite.oracle_envs:
         ax.axhline(sum(measured.oracles[memory].rewards), label="oracle", **ORACLE)
     ax.set(xlabel="actions generated in training", ylabel=f"reward of an episode ({suite.n_actions} actions)")

@@ -172,6 +172,7 @@ class _Run:
             if worker.process.poll() is None:
                 worker.process.kill()
                 worker.process.wait()
+            worker.job.progress_path(self.folder).unlink(missing_ok=True)
         self.workers.clear()
         for torn in self.folder.glob("*/.*"):  # what a killed worker was about to write
             torn.unlink(missing_ok=True)

@@ -1,10 +1,10 @@
 """Figures of a (runs x tasks) array and how far to trust them: pure functions, no files, no plots.
 
 A run is one seed, a task one memory (or any other setting that is repeated for each seed). Intervals are 95 %
-stratified bootstrap intervals: runs are drawn anew within each task, as often as there are. With few runs the plain percentile
-interval is too narrow (five runs: it covers the truth in about 83 of 100 cases), so the percentiles are moved outwards
-by what Student's t is wider than the normal curve: Hesterberg's expanded percentile interval
-(The American Statistician 69, 2015, 371-386). It still never leaves the range of the runs.
+stratified bootstrap intervals: runs are drawn anew within each task, as often as there are. With few runs the plain
+percentile interval is too narrow, so the percentiles are moved outwards by what Student's t is wider than the normal
+curve: Hesterberg's expanded percentile interval (The American Statistician 69, 2015, 371-386). It still never leaves
+the range of the runs.
 """
 
 from __future__ import annotations

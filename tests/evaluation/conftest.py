@@ -7,8 +7,8 @@ import pytest
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
-from creative_nao.agents import PPOSettings
-from creative_nao.evaluation.suites import Suite
+from creative_nao.agents import PPOSettings  # noqa: E402 - after the path
+from creative_nao.evaluation.suites import Suite  # noqa: E402
 
 BOXING = "fake_boxing:Fake/Boxing-v0"
 MENTAL = "fake_boxing:Fake/BoxingMental-v0"

@@ -4,6 +4,9 @@ It registers `Fake/Boxing-v0` and `Fake/BoxingMental-v0` in Gymnasium; a job's p
 `fake_boxing:Fake/Boxing-v0`. A trajectory is a smooth function of the PB vector, so novelty and outcomes are plain.
 """
 
+import os
+import signal
+from pathlib import Path
 from types import SimpleNamespace
 
 import gymnasium as gym
@@ -111,6 +114,19 @@ class Target(gym.Env):
         return np.zeros(4, np.float32), reward, False, self.step_ == 30, {}
 
 
+class Deadly(FakeBoxing):
+    """Kills its own process as it is made: always, or once if FAKE_DEATH_MARK names a file to remember it by."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        mark = os.environ.get("FAKE_DEATH_MARK")
+        if mark is None or not Path(mark).exists():
+            if mark is not None:
+                Path(mark).touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+gym.register("Fake/Deadly-v0", entry_point=Deadly)
 gym.register("Fake/Target-v0", entry_point=Target)
 gym.register("Fake/Boxing-v0", entry_point=FakeBoxing)
 gym.register("Fake/BoxingMental-v0", entry_point=FakeBoxing, kwargs={"physical": False})

@@ -1,0 +1,109 @@
+"""Every figure of an evaluation, drawn, written as PNG and SVG, and told in a caption."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from creative_nao.evaluation import map_plot, plots
+from creative_nao.evaluation.drawing import STYLE, save
+from creative_nao.evaluation.jobs import slug
+from creative_nao.evaluation.results import Measured
+from creative_nao.evaluation.suites import Suite
+from creative_nao.pb_space import PBMap
+
+TYPES = {".png": "image/png", ".svg": "image/svg+xml"}
+
+CAPTIONS = {
+    "reward": (
+        "Reward of each agent",
+        "The large marker is the mean over seeds, the bar its 95 % interval, each small dot one seed. The dotted line "
+        "is the oracle, the most that a search could hope for; in physics there is none, because the robot would have "
+        "to perform every action of the map.",
+    ),
+    "cumulative": (
+        "Reward gathered, action by action",
+        "The line is the mean over seeds, the band reaches from the worst to the best seed. Curves flatten as it gets "
+        "harder to find something that was not found before.",
+    ),
+    "outcomes": (
+        "What became of the generated actions",
+        "Learned: a taught action again. Unlearned: usable and new. All others cannot be used, and the name says why: "
+        "fluctuating ones are too fast, non-moving ones stand still, the rest is what the robot's body objected to.",
+    ),
+    "choices": (
+        "Where each agent looked",
+        "The memory's map: each point is an action, its colour the taught action most like it, fainter where newer; "
+        "hatched regions give nothing usable. Letters mark where the taught actions lie; thin lines enclose what is "
+        "one of them performed again. Large points are the choices of the first seed, crosses those that could not "
+        "be used, small points the other seeds. The oracle's choices show where the most new actions are.",
+    ),
+    "training": (
+        "How the trained agent learned",
+        "Reward of its training episodes, while it still tries things out, against the actions generated so far: thin "
+        "lines are seeds, the thick one is their mean. Dashed lines are the other agents, dotted is the oracle.",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure that has been written."""
+
+    title: str
+    caption: str
+    path: Path
+    """The file that is put into the page."""
+
+    @property
+    def data(self) -> str:
+        """The image as a data URI."""
+        coded = base64.b64encode(self.path.read_bytes()).decode("ascii")
+        return f"data:{TYPES[self.path.suffix]};base64,{coded}"
+
+
+def draw_pictures(
+    folder: Path, suite: Suite, results: dict[str, Any], measured: Measured, charts: dict[str, PBMap]
+) -> list[Picture]:
+    """Draw every figure of every memory into the subfolder `figures` of a run folder.
+
+    Args:
+        folder: Run folder.
+        suite: What was evaluated.
+        results: The content of `results.json`.
+        measured: All episodes, trainings and oracles.
+        charts: The map of each memory.
+    """
+    with matplotlib.rc_context(STYLE):
+        return [
+            _keep(folder, suite, memory, name, drawn)
+            for memory in suite.memories
+            for name, drawn in _draw(suite, results, measured, memory, charts[memory]).items()
+        ]
+
+
+def _draw(suite: Suite, results: dict[str, Any], measured: Measured, memory: str, charted: PBMap) -> dict[str, Figure]:
+    mental = suite.oracle_envs[0] if suite.oracle_envs else suite.envs[0]
+    drawn = {
+        "reward": plots.rewards(suite, results, measured, memory),
+        "cumulative": plots.cumulative(suite, measured, memory),
+        "outcomes": plots.outcomes(suite, measured, memory),
+        "choices": map_plot.choices(suite, measured, charted, memory, mental),
+    }
+    if any(training.memory == memory for training in measured.trainings):
+        drawn["training"] = plots.training(suite, measured, memory)
+    return drawn
+
+
+def _keep(folder: Path, suite: Suite, memory: str, name: str, drawn: Figure) -> Picture:
+    title, caption = CAPTIONS[name]
+    several = len(suite.memories) > 1
+    png = save(drawn, folder / "figures" / (f"{name}-{slug(memory)}.png" if several else f"{name}.png"))
+    # A map of 40,000 points is no drawing: its SVG would be many times as large.
+    path = png if name == "choices" else png.with_suffix(".svg")
+    return Picture(f"{title} (memory {memory})" if several else title, caption, path)

@@ -1,0 +1,170 @@
+"""Jobs: planned from data, done once, tried again when killed, stopped by Ctrl-C, and gone with their runner."""
+
+import dataclasses
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from creative_nao.errors import NotFoundError, SettingsError
+from creative_nao.evaluation.jobs import Job, plan, read_result, read_spec, write_result, write_spec
+from creative_nao.evaluation.runner import JobError, run_jobs
+from creative_nao.evaluation.suites import SUITES, find_suite
+
+
+def play_job(seeds=(0,), agent="random", **changes):
+    spec = {
+        "agent": agent,
+        "envs": ["fake_boxing:Fake/BoxingMental-v0"],
+        "memory": "fake/0",
+        "seeds": list(seeds),
+        "base_seed": 0,
+        "n_actions": 30,
+        "bundles": [],
+        "training": [],
+    }
+    name = f"play-{agent}-" + "-".join(map(str, seeds))
+    return Job(name=name, kind="play", title="judge", spec={**spec, **changes})
+
+
+def endless_job():
+    """Judges for minutes."""
+    return dataclasses.replace(play_job(seeds=range(20_000)), name="endless")
+
+
+def test_an_unknown_suite_brings_the_nearest():
+    with pytest.raises(NotFoundError, match=r"no suite `quik` \(did you mean `quick`\?\); there are: quick"):
+        find_suite("quik")
+
+
+@pytest.mark.parametrize("suite", SUITES.values(), ids=SUITES)
+def test_every_suite_s_jobs_stand_after_those_they_need(suite):
+    seen = set()
+    for job in plan(suite, base_seed=0):
+        assert set(job.needs) <= seen
+        assert job.name not in seen
+        seen.add(job.name)
+
+
+@pytest.mark.parametrize("suite", SUITES.values(), ids=SUITES)
+def test_every_agent_is_judged_once_per_seed_and_environment(suite):
+    jobs = [job for job in plan(suite, base_seed=0) if job.kind == "play"]
+    judged = [
+        (j.spec["agent"], j.spec["memory"], env, s) for j in jobs for env in j.spec["envs"] for s in j.spec["seeds"]
+    ]
+    assert len(judged) == len(set(judged))
+    assert len(judged) == len(suite.agents) * len(suite.memories) * len(suite.envs) * suite.n_seeds
+
+
+def test_a_suite_with_nothing_to_do_is_refused(make_suite):
+    with pytest.raises(SettingsError, match="suite `fake`: `n_seeds` should be at least 1, but is 0"):
+        make_suite(n_seeds=0)
+
+
+def test_jobs_survive_their_files(tmp_path):
+    job = play_job()
+    assert read_spec(write_spec(job, tmp_path)) == job
+
+
+def test_a_result_counts_only_for_its_own_spec(tmp_path):
+    job = play_job()
+    assert read_result(job, tmp_path) is None
+    write_result(job, tmp_path, {"episodes": []})
+    assert read_result(job, tmp_path) == {"episodes": []}
+    assert read_result(play_job(base_seed=1), tmp_path) is None
+    job.result_path(tmp_path).write_text("{torn")
+    assert read_result(job, tmp_path) is None
+
+
+def test_a_finished_job_is_not_done_again(tmp_path, in_workers):
+    job = play_job()
+    write_result(job, tmp_path, {"episodes": "done before"})
+    assert run_jobs([job], tmp_path, n_workers=1) == {job.name: {"episodes": "done before"}}
+    assert not job.log_path(tmp_path).exists()  # no process was started
+
+
+def test_progress_ends_with_all_done(tmp_path, in_workers):
+    seen = []
+    run_jobs([play_job()], tmp_path, n_workers=1, on_progress=seen.append)
+    assert seen[0].running == ("judge",)
+    assert (seen[-1].n_done, seen[-1].n_total, seen[-1].share, seen[-1].running) == (1, 1, 1.0, ())
+    assert all(progress.seconds_left >= 0.0 for progress in seen)
+
+
+DEADLY = {"envs": ["fake_boxing:Fake/Deadly-v0"]}
+
+
+def test_a_killed_worker_s_job_is_tried_again(tmp_path, in_workers, monkeypatch):
+    mark = tmp_path / "died"
+    monkeypatch.setenv("FAKE_DEATH_MARK", str(mark))
+    job = play_job(**DEADLY)
+    results = run_jobs([job], tmp_path, n_workers=1)
+    assert mark.exists()
+    assert len(results[job.name]["episodes"]) == 1
+
+
+def test_a_job_that_is_killed_every_time_is_named_and_the_others_are_finished(tmp_path, in_workers):
+    doomed, other = play_job(seeds=(0,), **DEADLY), play_job(seeds=(1,))
+    with pytest.raises(JobError, match=rf"job `{doomed.name}` failed: 2 attempts, killed by signal 9, .*add --resume"):
+        run_jobs([doomed, other], tmp_path, n_workers=1, n_attempts=2)
+    assert read_result(other, tmp_path) is not None
+
+
+def test_a_user_s_mistake_is_told_in_the_job_s_own_words_and_not_tried_again(tmp_path, in_workers):
+    job = play_job(agent="randon")
+    with pytest.raises(JobError, match=r"job `play-randon-0` failed: no agent `randon` \(did you mean `random`\?\)"):
+        run_jobs([job], tmp_path, n_workers=1)
+    assert job.log_path(tmp_path).read_text().count("no agent") == 1
+
+
+def test_ctrl_c_stops_the_workers_and_keeps_what_is_finished(tmp_path, in_workers):
+    first, second = play_job(seeds=(0,)), endless_job()
+    second = dataclasses.replace(second, seconds=1.0)  # the shorter is expected to be, the later it starts
+
+    def interrupt(progress):
+        if progress.n_done == 1 and second.progress_path(tmp_path).exists():
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_jobs([first, second], tmp_path, n_workers=1, on_progress=interrupt)
+    time.sleep(1.0)  # a worker still alive would report again
+    assert not second.progress_path(tmp_path).exists()
+    assert [read_result(job, tmp_path) is not None for job in (first, second)] == [True, False]
+    assert not list(tmp_path.glob("jobs/.*"))  # nothing half-written
+
+
+def test_workers_leave_when_their_runner_is_killed(tmp_path, in_workers):
+    """A runner killed without warning leaves no worker behind."""
+    spec = write_spec(endless_job(), tmp_path)
+    runner = """
+import os, subprocess, sys, time
+command = [sys.executable, "-m", "creative_nao.evaluation.job", *sys.argv[1:]]
+print(subprocess.Popen(command, env={**os.environ, "CREATIVE_NAO_RUNNER": str(os.getpid())}).pid, flush=True)
+time.sleep(60)
+"""
+    command = [sys.executable, "-c", runner, str(spec), str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        worker = int(process.stdout.readline())
+        time.sleep(1.0)
+        process.kill()
+    deadline = time.monotonic() + 8.0
+    while time.monotonic() < deadline and _alive(worker):
+        time.sleep(0.1)
+    assert not _alive(worker)
+
+
+def _alive(number):
+    try:
+        os.kill(number, 0)
+    except ProcessLookupError:
+        return False
+    state = Path(f"/proc/{number}/stat")  # a process nobody collected yet is still listed
+    return not (state.exists() and ") Z " in state.read_text())
+
+
+def test_no_workers_is_a_mistake(tmp_path):
+    with pytest.raises(SettingsError, match="`n_workers` should be at least 1, but is 0"):
+        run_jobs([], tmp_path, n_workers=0)

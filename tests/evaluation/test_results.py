@@ -1,0 +1,95 @@
+"""Figures that cannot be measured are null with a reason, never a number that looks like one."""
+
+import dataclasses
+
+import fake_boxing
+import pytest
+
+from creative_nao.agents import make_agent
+from creative_nao.evaluation.findings import findings, limits, notes
+from creative_nao.evaluation.protocol import play
+from creative_nao.evaluation.results import Measured, Oracle, make_results
+
+MENTAL = "fake_boxing:Fake/BoxingMental-v0"
+
+
+@pytest.fixture
+def suite(make_suite):
+    return make_suite(agents=("supervised", "random"), envs=(MENTAL,))
+
+
+def measured(**changes):
+    """Two episodes of each agent; `changes` maps an agent to what is different in its first episode."""
+    env = fake_boxing.FakeBoxing(physical=False)
+    episodes = []
+    for agent in ("supervised", "random"):
+        for seed in (0, 1):
+            found = play(make_agent(agent), env, env_id=MENTAL, memory="fake/0", seed=seed)
+            episodes.append(dataclasses.replace(found, **changes.get(agent, {})) if seed == 0 else found)
+    oracle = Oracle("fake/0", ((0.0, 0.0),), (10.0,), {"learned": 20.0, "unlearned": 60.0})
+    return Measured(tuple(episodes), (), {"fake/0": oracle})
+
+
+def rows(suite, found):
+    return make_results(suite, found, base_seed=0)["rows"]
+
+
+def test_a_figure_missing_in_one_seed_is_taken_over_the_others(suite):
+    found = measured(random={"novelty": None, "diversity": None})
+    row = rows(suite, found)[1]
+    assert row["novelty"] == {"mean": found.episodes[3].novelty, "low": None, "high": None}
+    assert row["novelty_reason"].startswith("over 1 of 2 seeds; in the others no appropriate action to measure")
+
+
+def test_a_figure_missing_in_all_seeds_is_null_with_a_reason(make_suite):
+    suite = make_suite(agents=("random",), envs=(MENTAL,), n_seeds=1)
+    found = measured(random={"novelty": None, "diversity": None})
+    alone = Measured((found.episodes[2],), (), found.oracles)
+    row = rows(suite, alone)[0]
+    assert (row["novelty"], row["novelty_reason"]) == (None, "no appropriate action to measure")
+    assert (row["diversity"], row["diversity_reason"]) == (None, "fewer than two appropriate actions to compare")
+    assert row["reward"]["low"] is None
+    assert row["reward_reason"] == "no interval from a single seed"
+
+
+def test_an_oracle_that_earns_nothing_has_no_share(suite):
+    found = measured()
+    nothing = dataclasses.replace(found, oracles={"fake/0": Oracle("fake/0", (), (), {"fluctuating": 100.0})})
+    row = rows(suite, nothing)[0]
+    assert (row["oracle_share"], row["oracle_share_reason"]) == (
+        None,
+        "the map offers the oracle no appropriate action",
+    )
+
+
+def test_the_intervals_do_not_depend_on_other_rows(suite, make_suite):
+    found = measured()
+    alone = make_suite(agents=("random",), envs=(MENTAL,))
+    assert rows(alone, found)[0] == rows(suite, found)[1]
+
+
+def text_of(suite, supervised, random):
+    results = make_results(suite, measured(), base_seed=0)
+    for row, (low, mean, high) in zip(results["rows"], (supervised, random), strict=True):
+        row["reward"] = {"low": low, "mean": mean, "high": high}
+    return findings(suite, results, measured())[0]
+
+
+def test_overlapping_intervals_are_not_called_a_difference(suite):
+    assert "these seeds do not tell them apart" in text_of(suite, (1.0, 2.0, 3.0), (2.5, 3.0, 3.5))
+
+
+def test_separate_intervals_are_called_ahead(suite):
+    assert "random is ahead of all others" in text_of(suite, (1.0, 2.0, 2.4), (2.5, 3.0, 3.5))
+
+
+def test_limits_speak_of_training_only_where_something_was_trained(suite, make_suite):
+    assert not any("trained on" in line for line in limits(suite) if "network" not in line)
+    assert any("judged on the very memory" in line for line in limits(make_suite()))
+
+
+def test_each_reason_is_told_once(suite):
+    found = measured(random={"novelty": None}, supervised={"novelty": None})
+    told = [note for note in notes({"rows": rows(suite, found)}) if note.startswith("novelty")]
+    assert len(told) == 1
+    assert told[0].endswith("(all rows).")

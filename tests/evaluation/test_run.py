@@ -1,0 +1,223 @@
+"""A whole evaluation on the fake world: what it writes, that it repeats, continues and refuses."""
+
+import json
+import re
+
+import pytest
+
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.evaluation.results import MEASURED, read_results
+from creative_nao.evaluation.run import evaluate
+from creative_nao.evaluation.tables import MEASURED_COLUMNS, figure, markdown_table
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("run") / "new"
+
+
+@pytest.fixture
+def finished(folder, make_suite):
+    """A finished run with two workers, made once."""
+    return evaluate(
+        make_suite(), folder, seed=3, n_workers=2, resume=folder.exists(), command="creative-nao evaluate fake"
+    )
+
+
+def timeless(results):
+    """The rows without what no run repeats."""
+    return [{key: value for key, value in row.items() if not key.startswith("seconds")} for row in results["rows"]]
+
+
+def strict(path):
+    return json.loads(path.read_text(encoding="utf-8"), parse_constant=lambda name: pytest.fail(f"{name} in {path}"))
+
+
+def test_every_agent_has_a_row_in_every_environment(finished):
+    rows = [(row["agent"], row["env"].rpartition("/")[2], row["memory"]) for row in finished.results["rows"]]
+    agents, envs = ("supervised", "random", "ppo"), ("Boxing-v0", "BoxingMental-v0")
+    assert rows == [(agent, env, "fake/0") for env in envs for agent in agents]
+
+
+def test_results_follow_the_schema(finished):
+    found = strict(finished.folder / "results.json")
+    assert found == finished.results
+    assert found["suite"] == "fake"
+    for row in found["rows"]:
+        assert (row["n_seeds"], row["n_actions"]) == (2, 30)
+        assert row["n_actions_training"] == (240 if row["agent"] == "ppo" else 0)
+        assert row["seconds"] > 0.0
+        assert sum(row["outcomes"].values()) == 60
+        for field in MEASURED:
+            if row[field] is None:
+                assert row[f"{field}_reason"]
+            else:
+                assert row[field]["low"] <= row[field]["mean"] <= row[field]["high"]
+
+
+def test_the_share_of_the_oracle_is_told_in_the_mind_and_its_absence_in_physics_explained(finished):
+    for row in finished.results["rows"]:
+        if "Mental" in row["env"]:
+            best = sum(finished.measured.oracles["fake/0"].rewards)
+            assert row["oracle_share"]["mean"] == pytest.approx(row["reward"]["mean"] / best)
+            assert 0.0 < row["oracle_share"]["mean"] <= 1.0
+        else:
+            assert row["oracle_share"] is None
+            assert "in physics it would have to perform the whole map" in row["oracle_share_reason"]
+
+
+def test_everything_is_written_and_nothing_half(finished):
+    names = {path.name for path in finished.folder.iterdir()}
+    assert names == {
+        "run.json",
+        "results.json",
+        "episodes.csv",
+        "table.md",
+        "report.html",
+        "figures",
+        "agents",
+        "maps",
+        "jobs",
+    }
+    for name in ("reward", "cumulative", "outcomes", "choices", "training"):
+        assert (finished.folder / "figures" / f"{name}.png").stat().st_size > 5_000
+        assert (finished.folder / "figures" / f"{name}.svg").stat().st_size > 5_000
+    assert not list(finished.folder.rglob(".*"))
+
+
+def test_the_record_makes_the_run_repeatable(finished):
+    record = strict(finished.folder / "run.json")
+    assert record["command"] == "creative-nao evaluate fake"
+    assert record["settings"]["seed"] == 3
+    assert record["settings"]["suite"]["ppo"]["n_timesteps"] == 240
+    assert record["seeds"] == [0, 1]
+    assert {"python", "numpy", "torch"} <= set(record["versions"])
+    assert {"results.json", "episodes.csv", "report.html", "agents/ppo-fake-0-0.safetensors"} <= set(record["hashes"])
+
+
+def test_one_worker_and_another_seed(finished, make_suite, tmp_path):
+    """The number of workers and the grouping of seeds change nothing; the seed does."""
+    other = evaluate(make_suite(seeds_per_job=1), tmp_path / "one", seed=3, n_workers=1)
+    assert timeless(other.results) == timeless(finished.results)
+    for name in ("episodes.csv", "table.md", "agents/ppo-fake-0-1.safetensors"):
+        if name != "table.md":
+            assert (other.folder / name).read_bytes() == (finished.folder / name).read_bytes()
+    baselines = make_suite(agents=("random",), envs=make_suite().envs[1:])
+    seeds = [evaluate(baselines, tmp_path / f"seed-{seed}", seed=seed, n_workers=2) for seed in (3, 4)]
+    rewards = [found.results["rows"][0]["reward"]["mean"] for found in seeds]
+    assert rewards[0] == finished.results["rows"][4]["reward"]["mean"]
+    assert rewards[0] != rewards[1]
+
+
+def test_a_continued_run_repeats_no_job(finished, make_suite):
+    logs = sorted((finished.folder / "jobs").glob("*.log"))
+    before = [path.stat().st_mtime_ns for path in logs]
+    again = evaluate(make_suite(), finished.folder, seed=3, n_workers=1, resume=True)
+    assert again.results == finished.results
+    assert [path.stat().st_mtime_ns for path in logs] == before
+
+
+def test_a_run_that_lost_jobs_is_completed_to_the_same_end(finished, make_suite, tmp_path):
+    import shutil
+
+    folder = tmp_path / "torn"
+    shutil.copytree(finished.folder, folder)
+    (folder / "jobs" / "play-ppo-fake-0-0-1.result.json").unlink()
+    (folder / "jobs" / "play-random-fake-0-0-1.result.json").write_text('{"job"')
+    (folder / "episodes.csv").unlink()
+    again = evaluate(make_suite(), folder, seed=3, n_workers=2, resume=True)
+    assert timeless(again.results) == timeless(finished.results)
+    assert (folder / "episodes.csv").read_bytes() == (finished.folder / "episodes.csv").read_bytes()
+
+
+def test_a_folder_that_holds_something_is_refused(make_suite, tmp_path):
+    (tmp_path / "mine.txt").touch()
+    with pytest.raises(
+        SettingsError, match=r"`--out` .* exists and is not empty; add --resume to continue it, or choose"
+    ):
+        evaluate(make_suite(), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_nothing_to_resume_is_said(make_suite, tmp_path):
+    with pytest.raises(NotFoundError, match=r"nothing to resume in .*: it has no run.json; leave out --resume"):
+        evaluate(make_suite(), tmp_path / "nowhere", resume=True)
+    assert not (tmp_path / "nowhere").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "seed", "text"),
+    [
+        ({}, 4, r"was started with --seed 3, not 4"),
+        ({"name": "other"}, 3, r"holds suite `fake`, not `other`; choose another folder"),
+        ({"n_seeds": 5}, 3, r"was started with other settings of suite `fake` \(n_seeds\)"),
+    ],
+)
+def test_another_run_s_folder_is_not_continued(finished, make_suite, changes, seed, text):
+    with pytest.raises(SettingsError, match=text):
+        evaluate(make_suite(**changes), finished.folder, seed=seed, resume=True)
+
+
+def test_results_of_two_versions_are_not_mixed(finished, make_suite, tmp_path):
+    import shutil
+
+    folder = tmp_path / "old"
+    shutil.copytree(finished.folder, folder)
+    record = json.loads((folder / "run.json").read_text())
+    record["versions"]["numpy"] = "1.0"
+    (folder / "run.json").write_text(json.dumps(record))
+    with pytest.raises(SettingsError, match=r"was started with numpy 1.0, now it is .*would be mixed"):
+        evaluate(make_suite(), folder, seed=3, resume=True)
+
+
+def test_a_torn_record_is_named(finished, make_suite, tmp_path):
+    (tmp_path / "run.json").write_text("{torn")
+    with pytest.raises(FileFormatError, match=r"record .*run.json: not JSON"):
+        evaluate(make_suite(), tmp_path, resume=True)
+
+
+def test_results_are_read_back_and_damage_is_named(finished, tmp_path):
+    assert read_results(finished.folder / "results.json") == finished.results
+    with pytest.raises(NotFoundError, match="no results at"):
+        read_results(tmp_path / "results.json")
+    (tmp_path / "results.json").write_text('{"suite": "fake"}')
+    with pytest.raises(FileFormatError, match="`rows` is missing"):
+        read_results(tmp_path / "results.json")
+
+
+def test_the_report_holds_every_row_and_loads_nothing(finished):
+    page = (finished.folder / "report.html").read_text(encoding="utf-8")
+    for row in finished.results["rows"]:
+        for column in MEASURED_COLUMNS:
+            mean, interval = figure(row, column)
+            assert f"<td>{mean}<small>{interval}</small></td>" in page
+    assert page.count("<figure>") == 5
+    assert not re.findall(r"""(?:src|href|srcset|action)\s*=\s*["'](?!data:)""", page)
+    assert not re.findall(r"@import|url\(|<script|<link|<iframe", page)
+
+
+def test_the_report_says_what_does_not_hold_and_how_to_repeat_it(finished):
+    page = (finished.folder / "report.html").read_text(encoding="utf-8")
+    for text in (
+        "judged on the very memory it was trained on",
+        "2 seeds are few",
+        "creative-nao evaluate fake",
+        "numpy",
+    ):
+        assert text in page
+
+
+def test_names_from_outside_cannot_become_markup(make_suite, folder, finished, tmp_path):
+    from creative_nao.evaluation.report import write_report
+
+    record = {**finished.record, "command": "creative-nao <script>alert(1)</script>"}
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "fake-0.npz").write_bytes((folder / "maps" / "fake-0.npz").read_bytes())
+    page = write_report(tmp_path, make_suite(), finished.results, finished.measured, record).read_text(encoding="utf-8")
+    assert "<script>" not in page
+
+
+def test_the_markdown_table_has_a_line_per_row(finished):
+    lines = markdown_table(finished.results).splitlines()
+    assert len(lines) == 2 + len(finished.results["rows"])
+    assert len({line.count("|") for line in lines}) == 1
