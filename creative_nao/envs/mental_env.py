@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from creative_nao.envs.repertoire_env import Performed, RepertoireEnv
+from creative_nao.envs.stage import FRAME_DT_S
+from creative_nao.errors import SettingsError
+from creative_nao.joints import JOINTS
 
 
 class BoxingMentalEnv(RepertoireEnv):
@@ -74,10 +75,19 @@ class BoxingMentalEnv(RepertoireEnv):
     * v0: first version.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012 - as in gym.Env
-        "render_modes": ["human", "rgb_array", "rgb_array_list"],
-        "render_fps": 20,
-    }
-
     def _perform(self, generated: np.ndarray) -> Performed:
+        if self.render_mode is not None:
+            self._imagine(generated)
         return Performed(generated, fault=None, figures={})
+
+    def _imagine(self, generated: np.ndarray) -> None:
+        """Let the arms follow the movement exactly, for `render`; nothing else moves."""
+        if self.memory.joints != JOINTS:
+            raise SettingsError(
+                f"only movements of the joints {', '.join(JOINTS)} can be drawn, "
+                f"but this memory has {', '.join(self.memory.joints)}"
+            )
+        from creative_nao.robot.film import imagined_frames
+
+        frames = imagined_frames(self.scene, generated, self.memory.dt_s, frame_dt_s=FRAME_DT_S)
+        self._remember(frames, FRAME_DT_S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 import os
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
@@ -13,9 +13,13 @@ from gymnasium.spaces import Box
 
 from creative_nao.envs.observation import APPROPRIATE, Observer, observation_space
 from creative_nao.envs.repertoire import Repertoire
+from creative_nao.envs.stage import FRAME_DT_S, Stage
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures import Criteria, excursion_limit, excursions, largest_speeds, speed_limits
 from creative_nao.model import Memory, load_memory
+
+if TYPE_CHECKING:
+    from creative_nao.robot.scene import Scene
 
 EPISODE_ACTIONS = 30
 """Actions in an episode: the sample size of the paper's measures."""
@@ -50,7 +54,10 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray], abc.ABC):
         SettingsError: If `n_actions` is below 1 or the render mode is unknown.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20}  # noqa: RUF012 - as in gym.Env
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as in gym.Env
+        "render_modes": ["human", "rgb_array", "rgb_array_list"],
+        "render_fps": round(1 / FRAME_DT_S),
+    }
 
     def __init__(
         self,
@@ -79,6 +86,18 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray], abc.ABC):
         self.observation_space = observation_space(basic.n_actions, n_pb)
         self.action_space = Box(-1.0, 1.0, (n_pb,), np.float32)
         self._step = 0
+        self._stage: Stage | None = None
+        self._scene: Scene | None = None
+        self._film: list[tuple[np.ndarray, float]] = []
+
+    @property
+    def scene(self) -> Scene:
+        """Ring, robot and bag; built when first needed."""
+        if self._scene is None:
+            from creative_nao.robot.scene import Scene
+
+            self._scene = Scene()
+        return self._scene
 
     @abc.abstractmethod
     def _perform(self, generated: np.ndarray) -> Performed:
@@ -96,6 +115,7 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray], abc.ABC):
         self._step = 0
         self.repertoire.clear()
         self._observer.clear()
+        self._film.clear()
         return self._observer.vector(), {"memory": self.memory.name}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -149,6 +169,46 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray], abc.ABC):
         if self.render_mode == "human":
             self.render()
         return self._observer.vector(), reward, False, truncated, info
+
+    def render(self) -> Any:
+        """Show what was performed since the last call.
+
+        Returns:
+            `rgb_array`: the last movement at its widest (before the first action, the guard), uint8 (480, 640, 3).
+            `rgb_array_list`: the film of all movements since the last call, `metadata["render_fps"]` frames a second.
+            `human`: None; the movement is played in a window, which opens with the first action; called by `step`.
+
+        Raises:
+            MissingDependencyError: If this machine cannot draw or has no display; the message says what helps.
+        """
+        if self.render_mode is None:
+            return None
+        if self.render_mode == "human" and not self._film:
+            return None
+        if self._stage is None:
+            self._stage = Stage(self.scene)
+        film = self._film or [(self.scene.guard_qpos()[None], FRAME_DT_S)]
+        if self.render_mode == "rgb_array":
+            self._film = film[-1:]
+            return self._stage.draw(self._stage.widest(film[-1][0]))
+        self._film = []
+        if self.render_mode == "human":
+            for frames, frame_dt_s in film:
+                self._stage.play(frames, frame_dt_s)
+            return None
+        return [self._stage.draw(snapshot) for frames, _ in film for snapshot in frames]
+
+    def close(self) -> None:
+        """Close the window and free what drawing took; may be called again."""
+        if self._stage is not None:
+            self._stage.close()
+            self._stage = None
+
+    def _remember(self, frames: np.ndarray, frame_dt_s: float) -> None:
+        """Keep the snapshots of a performance, (n_frames, nq), for `render`."""
+        if self.render_mode == "rgb_array":
+            self._film.clear()  # only the last movement is ever asked for
+        self._film.append((frames, frame_dt_s))
 
     def _checked(self, action: np.ndarray) -> np.ndarray:
         pb = np.asarray(action, dtype=np.float64)

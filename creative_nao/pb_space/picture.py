@@ -105,7 +105,7 @@ def draw_map(
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.2, 6.2), layout="constrained")
+    figure = Figure(figsize=(9.4, 6.2), layout="compressed")
     axes = figure.subplots()
     draw_on(axes, pb_map)
     if points is not None:

@@ -1,0 +1,158 @@
+"""Every registered environment passes the same tests."""
+
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
+
+import creative_nao
+from creative_nao.envs import ENVIRONMENTS
+from creative_nao.envs.observation import OUTCOMES
+from creative_nao.errors import NotFoundError, SettingsError, ShapeError
+
+NAMES = tuple(ENVIRONMENTS)
+
+
+@pytest.fixture(params=NAMES)
+def name(request):
+    return request.param
+
+
+@pytest.fixture
+def env(name):
+    with gym.make(name) as env:
+        yield env
+
+
+def play(env, seed, n_steps):
+    """Play random PB points; return all that came back."""
+    rng = np.random.default_rng(seed)
+    found = [env.reset(seed=seed)]
+    for _ in range(n_steps):
+        found.append(env.step(rng.uniform(-1, 1, 2).astype(np.float32)))
+    return found
+
+
+def test_gymnasium_finds_nothing_to_remark(name):
+    """All render modes are tried, too. A human's window opens with the first action, so none is needed here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gym.make(name)
+        check_env(env.unwrapped)
+        env.close()
+
+
+def test_stable_baselines3_finds_nothing_to_remark(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gym.make(name)
+        check_env_of_sb3(env)
+        env.close()
+
+
+def test_it_can_be_made_by_module_prefix(name):
+    gym.make(f"creative_nao:{name}").close()
+
+
+def test_two_environments_play_alike(name):
+    with gym.make(name) as one, gym.make(name) as other:
+        assert data_equivalence(play(one, 3, 3), play(other, 3, 3), exact=True)
+
+
+def test_an_episode_played_again_is_the_same(env):
+    assert data_equivalence(play(env, 3, 3), play(env, 3, 3), exact=True)
+
+
+def test_an_episode_has_thirty_actions_and_ends_with_the_three_measures(name):
+    with gym.make(name, n_actions=4) as env:
+        steps = play(env, 0, 4)[1:]
+
+    assert [step[3] for step in steps] == [False, False, False, True]
+    assert not any(step[2] for step in steps)
+    assert set(steps[-1][4]["episode_measures"]) == {"appropriateness_pct", "novelty", "diversity"}
+    assert "episode_measures" not in steps[-2][4]
+    assert gym.make(name).unwrapped.n_actions == 30
+
+
+def test_every_reward_term_is_in_info(env):
+    for observation, reward, _, _, info in play(env, 1, 4)[1:]:
+        scale = env.unwrapped.repertoire.scale
+        assert env.observation_space.contains(observation)
+        assert info["outcome"] in OUTCOMES
+        assert info["appropriate"] == (info["outcome"] in ("learned", "unlearned"))
+        assert reward == info["reward_novelty"]
+        assert reward == (info["known_distance"] / scale if info["appropriate"] else 0.0)
+        assert info["known_distance"] <= info["distance"]
+        assert info["trajectory"].shape == (50, 8)
+
+
+def test_the_same_point_earns_nothing_the_second_time(env):
+    """It is known by then; on the robot the encoders read exactly the same angles again."""
+    env.reset()
+    pb = env.unwrapped.memory.pb[3].astype(np.float32)
+    first = env.step(pb)
+    second = env.step(pb)
+
+    assert first[4]["appropriate"]
+    assert first[1] > 0.0
+    assert second[1] == 0.0
+    assert second[4]["repertoire_size"] == 2
+
+
+def test_rgb_array_shows_the_robot(name):
+    with gym.make(name, render_mode="rgb_array") as env:
+        env.reset()
+        guard = env.render()
+        env.step(env.unwrapped.memory.pb[1].astype(np.float32))
+        punch = env.render()
+
+    assert guard.shape == punch.shape == (480, 640, 3)
+    assert guard.std() > 20
+    assert np.abs(punch.astype(int) - guard).max() > 100
+
+
+def test_rgb_array_list_is_a_film_of_what_was_performed(name):
+    with gym.make(name, render_mode="rgb_array_list") as env:
+        env.reset()
+        env.step(np.zeros(2, np.float32))
+        film = env.render()
+
+    assert len(film) == 148  # 49 ticks of 0.15 s in frames of 0.05 s, both ends shown
+
+
+@pytest.mark.parametrize("action", [np.zeros(3, np.float32), np.array([np.nan, 0], np.float32)])
+def test_an_action_that_is_no_pb_vector_is_named(env, action):
+    env.reset()
+
+    with pytest.raises(ShapeError, match=r"`action` should be a finite PB vector of shape \(2,\)"):
+        env.unwrapped.step(action)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"memory": "hlf/0"}, NotFoundError, "did you mean `half/0`"),
+        ({"n_actions": 0}, SettingsError, "`n_actions` should be at least 1, but is 0"),
+    ],
+)
+def test_bad_arguments_are_named(name, arguments, error, message):
+    with pytest.raises(error, match=message):
+        gym.make(name, **arguments)
+
+
+def test_importing_the_package_loads_neither_torch_nor_mujoco():
+    import subprocess
+    import sys
+
+    code = "import sys, gymnasium, creative_nao; print(sorted({'torch', 'mujoco', 'numba'} & set(sys.modules)))"
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert answer.stdout.strip() == "[]"
+
+
+def test_public_names_are_there():
+    for public in creative_nao.__all__:
+        assert getattr(creative_nao, public) is not None
