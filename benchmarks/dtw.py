@@ -3,8 +3,8 @@
     python benchmarks/dtw.py [--n-steps 100] [--n-trajectories 2000] [--rounds 5]
 
 Both in one process, by turns. dtaidistance runs its fastest call of the same definition (`distance_matrix_fast` on
-blocks, Euclidean local cost, one thread). Compared is CPU time over all threads, since wall time depends on what else the
-machine does; ratios are medians over the rounds. The last line is the latency of one new action against 36 known ones.
+blocks, Euclidean local cost, one thread). Compared is CPU time over all threads, since wall time depends on what else
+the machine does; ratios are medians over the rounds. The last line is the latency of one new action against 36 known.
 """
 
 import argparse

@@ -14,7 +14,7 @@ def cpu_seconds(call):
 
 
 def test_the_kernel_has_not_lost_its_vector_instructions():
-    """Where the compiler falls back to one lane at a time the ratio is about 1; it is 10 to 18 where this was written."""
+    """Where the compiler falls back to one lane at a time the ratio is about 1; here it was 10 to 18."""
     walks = np.cumsum(np.random.default_rng(0).normal(scale=0.2, size=(390, 60, 8)), axis=1)
     many, few = list(walks[:384]), list(walks[384:])
     block = ((0, 384), (384, 390))
