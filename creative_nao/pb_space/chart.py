@@ -95,7 +95,7 @@ class PBMap:
         if not source.is_file():
             raise NotFoundError(f"no PB map at {source}; make one with `creative-nao map MEMORY --out {source}`")
         try:
-            with np.load(source, allow_pickle=False) as content:
+            with open(source, "rb") as stream, np.load(stream, allow_pickle=False) as content:
                 header = json.loads(bytes(content["header"]))
                 if header["format_version"] != FORMAT_VERSION:
                     raise FileFormatError(f"{source}: map format {header['format_version']}, expected {FORMAT_VERSION}")

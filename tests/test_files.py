@@ -1,0 +1,73 @@
+"""Files are whole or not there."""
+
+import stat
+
+import numpy as np
+import pytest
+
+from creative_nao.atomic import replacing, write_text
+from creative_nao.errors import FileFormatError, NotFoundError
+from creative_nao.tensorfile import load_tensors, save_tensors, take
+
+
+def test_a_file_is_replaced_in_one_step(tmp_path):
+    path = write_text(tmp_path / "deep" / "a.txt", "old")
+    with replacing(path) as temporary:
+        temporary.write_text("new")
+        assert path.read_text() == "old"
+
+    assert path.read_text() == "new"
+    assert stat.S_IMODE(path.stat().st_mode) & 0o444 == 0o444
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = write_text(tmp_path / "a.txt", "old")
+
+    def fail():
+        with replacing(path) as temporary:
+            temporary.write_text("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+
+    assert path.read_text() == "old"
+    assert [file.name for file in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_tensors_and_header_come_back(tmp_path):
+    path = save_tensors(tmp_path / "t", kind="test", header={"a": [1, "x"]}, tensors={"w": np.eye(3, dtype=np.float32)})
+    header, tensors = load_tensors(path, kind="test")
+
+    assert header == {"a": [1, "x"]}
+    assert np.array_equal(tensors["w"], np.eye(3))
+
+
+def test_another_kind_is_refused(tmp_path):
+    path = save_tensors(tmp_path / "t", kind="memory", header={}, tensors={})
+
+    with pytest.raises(FileFormatError, match="expected a checkpoint file, but its header says kind 'memory'"):
+        load_tensors(path, kind="checkpoint")
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(NotFoundError, match=r"no memory file at .*none"):
+        load_tensors(tmp_path / "none", kind="memory")
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.zeros((2, 2)), r"`w` should have shape \(any, 3\), but has \(2, 2\)"),
+        (np.full((2, 3), np.inf), "`w` should hold finite numbers"),
+        (np.zeros((2, 3), int), "`w` should hold finite numbers"),
+    ],
+)
+def test_an_array_that_does_not_fit_is_named(array, message):
+    with pytest.raises(FileFormatError, match=message):
+        take("f", {"w": array}, "w", (None, 3))
+
+
+def test_a_missing_array_is_named():
+    with pytest.raises(FileFormatError, match="f: the array `w` is missing"):
+        take("f", {}, "w", (1,))
