@@ -24,10 +24,8 @@ def main(arguments: list[str]) -> int:
     """Do the job described in the file `arguments[0]` for the run folder `arguments[1]`; return the exit code."""
     _leave_with_the_runner()
     job, folder = read_spec(Path(arguments[0])), Path(arguments[1])
-    from creative_nao.envs import register_environments
     from creative_nao.evaluation.work import WORK
 
-    register_environments()
 
     try:
         write_result(job, folder, WORK[job.kind](job.spec, folder, _Reporter(job, folder)))

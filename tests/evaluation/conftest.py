@@ -15,13 +15,15 @@ MENTAL = "fake_boxing:Fake/BoxingMental-v0"
 TINY_PPO = PPOSettings(n_timesteps=240, n_envs=2, n_steps=60, batch_size=60, n_epochs=2, hidden=(8,))
 
 
-@pytest.fixture
-def in_workers(monkeypatch):
+@pytest.fixture(scope="session")
+def in_workers():
     """Let the processes of jobs find the fake world."""
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")]))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")]))
+        yield
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_suite(in_workers):
     def make(**changes):
         values = {

@@ -1,27 +1,25 @@
 """A whole evaluation on the fake world: what it writes, that it repeats, continues and refuses."""
 
+import dataclasses
 import json
 import re
+import shutil
 
 import pytest
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
-from creative_nao.evaluation.results import MEASURED, read_results
+from creative_nao.evaluation.jobs import plan
+from creative_nao.evaluation.results import MEASURED, collect, read_results
 from creative_nao.evaluation.run import evaluate
+from creative_nao.evaluation.runner import run_jobs
 from creative_nao.evaluation.tables import MEASURED_COLUMNS, figure, markdown_table
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("run") / "new"
-
-
-@pytest.fixture
-def finished(folder, make_suite):
+def finished(tmp_path_factory, make_suite):
     """A finished run with two workers, made once."""
-    return evaluate(
-        make_suite(), folder, seed=3, n_workers=2, resume=folder.exists(), command="creative-nao evaluate fake"
-    )
+    folder = tmp_path_factory.mktemp("run") / "new"
+    return evaluate(make_suite(), folder, seed=3, n_workers=2, command="creative-nao evaluate fake")
 
 
 def timeless(results):
@@ -95,18 +93,24 @@ def test_the_record_makes_the_run_repeatable(finished):
     assert {"results.json", "episodes.csv", "report.html", "agents/ppo-fake-0-0.safetensors"} <= set(record["hashes"])
 
 
-def test_one_worker_and_another_seed(finished, make_suite, tmp_path):
-    """The number of workers and the grouping of seeds change nothing; the seed does."""
-    other = evaluate(make_suite(seeds_per_job=1), tmp_path / "one", seed=3, n_workers=1)
-    assert timeless(other.results) == timeless(finished.results)
-    for name in ("episodes.csv", "table.md", "agents/ppo-fake-0-1.safetensors"):
-        if name != "table.md":
-            assert (other.folder / name).read_bytes() == (finished.folder / name).read_bytes()
-    baselines = make_suite(agents=("random",), envs=make_suite().envs[1:])
-    seeds = [evaluate(baselines, tmp_path / f"seed-{seed}", seed=seed, n_workers=2) for seed in (3, 4)]
-    rewards = [found.results["rows"][0]["reward"]["mean"] for found in seeds]
-    assert rewards[0] == finished.results["rows"][4]["reward"]["mean"]
-    assert rewards[0] != rewards[1]
+def episodes_of(suite, folder, seed, n_workers):
+    jobs = plan(suite, base_seed=seed)
+    done = run_jobs(jobs, folder, n_workers=n_workers)
+    measured = collect(suite, [{"spec": job.spec, "result": done[job.name]} for job in jobs])
+    return [dataclasses.replace(episode, seconds=0.0) for episode in measured.episodes]
+
+
+def test_neither_the_number_of_workers_nor_the_grouping_of_seeds_changes_a_bit(finished, make_suite, tmp_path):
+    alone = episodes_of(make_suite(seeds_per_job=1), tmp_path, seed=3, n_workers=1)
+    assert alone == [dataclasses.replace(episode, seconds=0.0) for episode in finished.measured.episodes]
+    bundle = "agents/ppo-fake-0-1.safetensors"
+    assert (tmp_path / bundle).read_bytes() == (finished.folder / bundle).read_bytes()
+
+
+def test_another_seed_is_another_run(finished, make_suite, tmp_path):
+    other = episodes_of(make_suite(agents=("random",)), tmp_path, seed=4, n_workers=2)
+    before = [episode for episode in finished.measured.episodes if episode.agent == "random"]
+    assert [episode.reward for episode in other] != [episode.reward for episode in before]
 
 
 def test_a_continued_run_repeats_no_job(finished, make_suite):
@@ -118,8 +122,6 @@ def test_a_continued_run_repeats_no_job(finished, make_suite):
 
 
 def test_a_run_that_lost_jobs_is_completed_to_the_same_end(finished, make_suite, tmp_path):
-    import shutil
-
     folder = tmp_path / "torn"
     shutil.copytree(finished.folder, folder)
     (folder / "jobs" / "play-ppo-fake-0-0-1.result.json").unlink()
@@ -159,8 +161,6 @@ def test_another_run_s_folder_is_not_continued(finished, make_suite, changes, se
 
 
 def test_results_of_two_versions_are_not_mixed(finished, make_suite, tmp_path):
-    import shutil
-
     folder = tmp_path / "old"
     shutil.copytree(finished.folder, folder)
     record = json.loads((folder / "run.json").read_text())
@@ -207,12 +207,12 @@ def test_the_report_says_what_does_not_hold_and_how_to_repeat_it(finished):
         assert text in page
 
 
-def test_names_from_outside_cannot_become_markup(make_suite, folder, finished, tmp_path):
+def test_names_from_outside_cannot_become_markup(make_suite, finished, tmp_path):
     from creative_nao.evaluation.report import write_report
 
     record = {**finished.record, "command": "creative-nao <script>alert(1)</script>"}
     (tmp_path / "maps").mkdir()
-    (tmp_path / "maps" / "fake-0.npz").write_bytes((folder / "maps" / "fake-0.npz").read_bytes())
+    (tmp_path / "maps" / "fake-0.npz").write_bytes((finished.folder / "maps" / "fake-0.npz").read_bytes())
     page = write_report(tmp_path, make_suite(), finished.results, finished.measured, record).read_text(encoding="utf-8")
     assert "<script>" not in page
 
