@@ -53,6 +53,11 @@ MIRROR_SIGN: np.ndarray = np.array([1.0, -1.0, -1.0, -1.0])
 """Factor that turns (ShoulderPitch, ShoulderRoll, ElbowYaw, ElbowRoll) of one arm into the other arm's."""
 
 
+GUARD_ARM_RAD: tuple[float, float, float, float] = (0.9, -0.15, 0.9, 1.4)
+"""Right arm in the boxing guard, where every basic action begins and ends: ShoulderPitch, ShoulderRoll, ElbowYaw,
+ElbowRoll [rad]; elbows down, fists before the chest. The left arm mirrors it."""
+
+
 def limits(joints: tuple[str, ...] = JOINTS) -> tuple[np.ndarray, np.ndarray]:
     """Return the lower and the upper limits [rad] of `joints`, each of shape (n_joints,)."""
     pairs = np.array([LIMITS_RAD[joint] for joint in joints])

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
-from creative_nao.joints import MIRROR_SIGN
+from creative_nao.joints import GUARD_ARM_RAD, MIRROR_SIGN
 
 DT_S = 0.15
 """Time between two postures of a basic action, the network's tick [s]."""
@@ -37,8 +37,8 @@ LEAD_S = 0.3
 Posture = tuple[float, float, float, float]
 """ShoulderPitch, ShoulderRoll, ElbowYaw and ElbowRoll of the right arm [rad]."""
 
-GUARD: Posture = (0.9, -0.15, 0.9, 1.4)
-"""The common start and end: elbows down, fists before the chest."""
+GUARD: Posture = GUARD_ARM_RAD
+"""The common start and end."""
 
 PUNCHES: dict[str, tuple[tuple[float, Posture], ...]] = {
     # The lead arm goes straight out from the guard, without a wind-up, and straight back.

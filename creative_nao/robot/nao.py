@@ -1,7 +1,7 @@
 """The robot as a dm_control entity: links, hinges, servos and sensors built from `tables` and `shells`.
 
-Modelled after the NAO H25 V6 with both hands closed for good: of its 25 motors, 23 remain, and they move 24 hinges (one
-motor turns both HipYawPitch hinges).
+Modelled after the NAO H25 V6: 25 motors move 26 hinges (one motor turns both HipYawPitch hinges). The hands are shut to
+fists in gloves; their motors, 0 closed to 1 open as in NAOqi, turn fingers that nothing touches.
 """
 
 # MuJoCo and PyMJCF tell type checkers nothing about their members.
@@ -23,7 +23,7 @@ COUPLED = ("LHipYawPitch", "RHipYawPitch")
 """One motor turns both; the left name is the motor's."""
 
 MOTOR_JOINTS: tuple[str, ...] = tuple(link.joint for link in links() if link.joint != COUPLED[1])
-"""The 23 joints with a motor, in the order of the model's actuators."""
+"""The 25 joints with a motor, in the order of the model's actuators."""
 
 FOREARMS = ("RForearm", "LForearm")
 HANDS = ("RHand", "LHand")
@@ -132,7 +132,7 @@ class Nao(composer.Entity):
 
     @property
     def actuators(self) -> list[Any]:
-        """The 23 position servos, in the order of `MOTOR_JOINTS`."""
+        """The 25 position servos, in the order of `MOTOR_JOINTS`."""
         return [self._mjcf_root.find("actuator", joint) for joint in MOTOR_JOINTS]
 
     @property

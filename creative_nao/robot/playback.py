@@ -56,13 +56,17 @@ class Performer:
     Args:
         scene: Where to perform; a new scene if None.
         settings: How a performance starts.
+
+    Attributes:
+        data: The `mujoco.MjData` after the last performance, or in the settled guard.
+        guard: Arm angles that the servos hold in the guard [rad], shape (8,).
     """
 
     def __init__(self, scene: Scene | None = None, settings: PlaybackSettings | None = None) -> None:
         self.scene = scene or Scene()
         self.settings = settings or PlaybackSettings()
         model = self.scene.model
-        self._data = mujoco.MjData(model)
+        self.data = mujoco.MjData(model)
         self._substeps = round(CYCLE_S / model.opt.timestep)
         self._step_s = CYCLE_S / self._substeps
         self._sensors = _sensor_columns(model)
@@ -70,7 +74,7 @@ class Performer:
 
     def _settle(self) -> None:
         """Stand in the guard until at rest and keep that state: the start of every performance."""
-        model, data = self.scene.model, self._data
+        model, data = self.scene.model, self.data
         self.scene.place(data, "Guard")
         mujoco.mj_step(model, data, nstep=round(self.settings.settle_s / self._step_s))
         data.time = 0.0
@@ -80,6 +84,14 @@ class Performer:
         self._warmstart = data.qacc_warmstart.copy()
         self._control = data.ctrl.copy()
         self.guard = data.ctrl[self.scene.index.arm_actuator].copy()
+
+    def reset(self) -> None:
+        """Put `data` back into the settled guard; a performance does not need it."""
+        model, data = self.scene.model, self.data
+        mujoco.mj_setState(model, data, self._start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        data.qacc_warmstart[:] = self._warmstart
+        data.ctrl[:] = self._control
+        mujoco.mj_forward(model, data)
 
     def perform(self, trajectory: np.ndarray, dt_s: float, *, keep_frames: bool = False) -> Performance:
         """Perform a trajectory and measure it.
@@ -123,7 +135,7 @@ class Performer:
         sensors = np.empty((1, n_steps, self.scene.model.nsensordata))
         mujoco.rollout.rollout(
             self.scene.model,
-            self._data,
+            self.data,
             self._start[None],
             control[None],
             initial_warmstart=self._warmstart[None],

@@ -12,11 +12,8 @@ from types import MappingProxyType
 import numpy as np
 
 from creative_nao.errors import NotFoundError, nearest_name
-from creative_nao.joints import JOINTS, MIRROR_SIGN
+from creative_nao.joints import GUARD_ARM_RAD, JOINTS, MIRROR_SIGN
 from creative_nao.robot.tables import THIGH_M, TIBIA_M, keeps_sign
-
-GUARD_ARM_RAD: tuple[float, float, float, float] = (0.9, -0.15, 0.9, 1.4)
-"""Right arm in the guard: ShoulderPitch, ShoulderRoll, ElbowYaw, ElbowRoll. The left arm mirrors it."""
 
 STANCE_HEIGHT_M = 0.192
 """Hip above ankle in the boxing stance: knees bent, so that the legs can give."""
@@ -91,6 +88,7 @@ POSTURES: Mapping[str, Mapping[str, float]] = MappingProxyType(
             KneePitch=-0.0923,
             AnklePitch=0.0874,
             AnkleRoll=-0.1108,
+            Hand=0.3,
         )
         | {"LWristYaw": 0.1, "RWristYaw": 0.1},
         "StandInit": both_sides(
@@ -101,6 +99,7 @@ POSTURES: Mapping[str, Mapping[str, float]] = MappingProxyType(
             HipPitch=-0.45,
             KneePitch=0.7,
             AnklePitch=-0.35,
+            Hand=0.25,
         ),
         "Crouch": {"HeadPitch": 0.1}
         | both_sides(

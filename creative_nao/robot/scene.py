@@ -24,7 +24,7 @@ from creative_nao.robot.servos import ServoSettings, Stiffness
 from creative_nao.robot.tables import links
 
 ALL_JOINTS: tuple[str, ...] = tuple(link.joint for link in links())
-"""The 24 hinges."""
+"""The 26 hinges."""
 
 BAG_FORCE = "bag_force"
 """Sensor of the net force between robot and bag [N], in the world frame; absent without a bag."""

@@ -28,6 +28,10 @@ class ServoSettings:
     """Proportional gain of the legs [N m/rad]; at half of it the trunk sways twice as far under a punch."""
     leg_kd: float = 2.0
     """Derivative gain of the legs [N m s/rad]."""
+    hand_kp: float = 1.0
+    """Proportional gain of the fingers [N m per unit of opening]."""
+    hand_kd: float = 0.02
+    """Derivative gain of the fingers."""
     damping: float = 0.05
     """Viscous friction of every joint [N m s/rad]; at twice as much a quick uppercut spends 3 % of its time at the
     torque limit of the shoulder."""
@@ -38,6 +42,8 @@ class ServoSettings:
         """Return the proportional and the derivative gain of the servo that moves `link`."""
         if any(part in link.joint for part in _LEG_PARTS):
             return self.leg_kp, self.leg_kd
+        if link.joint.endswith("Hand"):
+            return self.hand_kp, self.hand_kd
         return self.arm_kp, self.arm_kd
 
 

@@ -28,6 +28,9 @@ TIBIA_M = 0.1029
 FIST_IN_HAND_M: Vector = (0.05775, 0.0, -0.01231)
 """Centre of the closed hand in the WristYaw frame [L]; y is mirrored with the rest."""
 
+FINGERS_KG = 0.001
+"""Mass of the fingers of a hand [kg]: an estimate, taken off the published mass of the hand, which contains them."""
+
 _DIAGONAL = 0.5**0.5
 
 
@@ -50,6 +53,7 @@ _SHOULDER_ROLL = Motor(1.783, 6.47, 0.003)
 _ELBOW_YAW = Motor(1.547, 7.46, 0.003)
 _ELBOW_ROLL = Motor(1.532, 6.47, 0.003)
 _WRIST_YAW = Motor(0.4075, 17.38, 0.0005)
+_HAND = Motor(0.292, 24.27, 0.0003)
 _LEG_SLOW = Motor(3.348, 4.162, 0.020)
 _LEG_FAST = Motor(3.023, 6.402, 0.008)
 
@@ -107,7 +111,9 @@ LEFT: tuple[Link, ...] = (
     Link("LForearm", "LElbow", "LElbowRoll", _ELBOW_ROLL, _Z, (-1.5446, -0.0349), (0, 0, 0),
          0.07761, (25.56, 2.81, 0.76), (24.70, 38.43, 35.95, 3.24, 1.24, 0.14)),
     Link("LHand", "LForearm", "LWristYaw", _WRIST_YAW, _X, (-1.8238, 1.8238), (55.95, 0, 0),
-         0.18533, (34.34, -0.88, 3.08), (68.65, 135.76, 133.23, -5.60, -2.87, -0.50)),
+         0.18533 - FINGERS_KG, (34.34, -0.88, 3.08), (68.65, 135.76, 133.23, -5.60, -2.87, -0.50)),
+    Link("LFingers", "LHand", "LHand", _HAND, (0.0, -1.0, 0.0), (0.0, 1.0), (57.75, 0, -12.31),
+         FINGERS_KG, (10.0, 0, 0), (0.20, 0.20, 0.20, 0.00, 0.00, 0.00)),
     Link("LPelvis", "Torso", "LHipYawPitch", _LEG_SLOW, _HIP_AXIS, (-1.1453, 0.7408), (0, 50, -85),
          0.06981, (-7.81, -11.14, 26.61), (27.64, 49.74, 51.83, 1.08, -1.77, 4.88)),
     Link("LHip", "LPelvis", "LHipRoll", _LEG_SLOW, _X, (-0.3795, 0.7905), (0, 0, 0),
@@ -126,8 +132,8 @@ LEFT: tuple[Link, ...] = (
 
 
 def keeps_sign(joint: str) -> bool:
-    """Tell whether a joint has the same sign on both sides: pitch joints and HipYawPitch do, roll and yaw change it."""
-    return joint.endswith("Pitch")
+    """Tell whether a joint has the same sign on both sides: pitch, HipYawPitch and Hand do, roll and yaw change it."""
+    return joint.endswith(("Pitch", "Hand"))
 
 
 def other_side(name: str) -> str:
@@ -162,5 +168,5 @@ def mirrored(link: Link) -> Link:
 
 
 def links() -> tuple[Link, ...]:
-    """Return all 24 links with a hinge, parents before children: head, left arm and leg, right arm and leg."""
+    """Return all 26 links with a hinge, parents before children: head, left arm and leg, right arm and leg."""
     return HEAD + LEFT + tuple(mirrored(link) for link in LEFT)

@@ -153,3 +153,14 @@ def test_angles_that_are_no_numbers_are_refused(performer, still):
 def test_a_tick_is_a_whole_number_of_cycles(performer, still, dt_s):
     with pytest.raises(SettingsError, match="whole number of the robot's 10 ms cycles"):
         performer.perform(still, dt_s)
+
+
+def test_data_is_the_state_at_the_end_and_can_be_put_back(scene, demos):
+    performer = Performer(scene)
+    start = performer.data.qpos.copy()
+    performance = performer.perform(demos.trajectories[1], demos.dt_s, keep_frames=True)
+
+    assert performance.frames is not None
+    assert np.array_equal(performer.data.qpos, performance.frames[-1])
+    performer.reset()
+    assert np.array_equal(performer.data.qpos, start)
