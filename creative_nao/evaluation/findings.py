@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from creative_nao.agents.registry import TRAINED
+from creative_nao.agents.registry import TRAINED, UNTRAINED
+from creative_nao.evaluation.protocol import ActionRecord, Episode
 from creative_nao.evaluation.results import Measured
 from creative_nao.evaluation.suites import Suite
 from creative_nao.evaluation.tables import env_label
@@ -14,12 +15,13 @@ FEW_SEEDS = 10
 
 
 def findings(suite: Suite, results: Mapping[str, Any], measured: Measured) -> list[str]:
-    """Return the answer in one sentence per environment and memory, and one on what physics changes."""
+    """Return the answer in one sentence per environment and memory, what physics changes, and what the map holds."""
     lines = []
     for memory in suite.memories:
         for env in suite.envs:
             rows = [row for row in results["rows"] if (row["env"], row["memory"]) == (env, memory)]
             lines.append(_ranking(rows, f"In the {env_label(env)} environment{_of(suite, memory)}"))
+        lines += _physics(suite, measured, memory)
         oracle = measured.oracles[memory]
         usable = oracle.shares_pct.get("learned", 0.0) + oracle.shares_pct.get("unlearned", 0.0)
         lines.append(
@@ -93,8 +95,35 @@ def _ranking(rows: list[Mapping[str, Any]], start: str) -> str:
     level = [row["agent"] for row in ranked[1:] if row["reward"]["high"] >= best["reward"]["low"]]
     if not level:
         return f"{text} {best['agent']} is ahead of all others: its interval overlaps with none of theirs."
-    names = " and ".join([best["agent"], *level])
-    return f"{text} The intervals of {names} overlap: these seeds do not tell them apart."
+    names = " and ".join(level)
+    return f"{text} The interval of {best['agent']} overlaps with that of {names}: these seeds leave it open."
+
+
+def _physics(suite: Suite, measured: Measured, memory: str) -> list[str]:
+    """Compare, action by action, what the same PB vectors gave in the mind and in the robot's body."""
+    lines = []
+    for env in suite.envs:
+        if not suite.oracle_envs or env in suite.oracle_envs:
+            continue
+        imagined, performed = (
+            # Agents that look at no results choose the same in both.
+            [e for e in measured.episodes if (e.memory, e.env) == (memory, which) and e.agent in UNTRAINED]
+            for which in (suite.oracle_envs[0], env)
+        )
+        pairs = zip(_actions(imagined), _actions(performed), strict=True)
+        usable = [body.appropriate for mind, body in pairs if mind.appropriate]
+        if not usable:
+            continue
+        change = 100.0 * (sum(e.reward for e in performed) / sum(e.reward for e in imagined) - 1.0)
+        lines.append(
+            f"What physics changes{_of(suite, memory)}: of {len(usable)} actions that are usable in the mind, the "
+            f"robot's body refused {usable.count(False)}; the same choices earn {change:+.1f} % when they are performed."
+        )
+    return lines
+
+
+def _actions(episodes: list[Episode]) -> list[ActionRecord]:
+    return [action for episode in episodes for action in episode.actions]
 
 
 def _interval(figure: Mapping[str, Any]) -> str:

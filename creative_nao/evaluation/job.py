@@ -26,7 +26,6 @@ def main(arguments: list[str]) -> int:
     job, folder = read_spec(Path(arguments[0])), Path(arguments[1])
     from creative_nao.evaluation.work import WORK
 
-
     try:
         write_result(job, folder, WORK[job.kind](job.spec, folder, _Reporter(job, folder)))
     except CreativeNaoError as error:

@@ -16,7 +16,7 @@ from creative_nao.evaluation.jobs import slug
 from creative_nao.evaluation.palette import agent_colour
 from creative_nao.evaluation.results import Measured
 from creative_nao.evaluation.suites import Suite
-from creative_nao.evaluation.tables import MEASURED_COLUMNS, actions, env_label, figure, seconds
+from creative_nao.evaluation.tables import MEASURED_COLUMNS, cells, env_label
 from creative_nao.pb_space import PBMap
 
 
@@ -60,7 +60,5 @@ def _row(row: Mapping[str, Any]) -> dict[str, Any]:
         "env": env_label(row["env"]),
         "memory": row["memory"],
         "colour": agent_colour(row["agent"]),
-        "figures": [figure(row, column) for column in MEASURED_COLUMNS],
-        "actions": actions(row),
-        "seconds": seconds(row),
+        "cells": cells(row),
     }

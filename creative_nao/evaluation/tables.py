@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
 
 
@@ -49,7 +50,7 @@ MEASURED_COLUMNS = (
         "taught or found; finding a thing twice earns nothing. 1 is the mean distance between two taught actions.",
     ),
     Column(
-        "of the oracle [%]",
+        "of oracle [%]",
         "oracle_share",
         1,
         "The reward as a share of what a greedy search earns that knows every action on the whole map beforehand.",
@@ -78,16 +79,21 @@ def figure(row: Mapping[str, Any], column: Column) -> tuple[str, str]:
     return mean, f"[{scale * found['low']:.{column.digits}f}, {scale * found['high']:.{column.digits}f}]"
 
 
-def actions(row: Mapping[str, Any]) -> str:
+def actions(row: Mapping[str, Any]) -> tuple[str, str]:
     """Return the actions generated: in the episode, and before it in training."""
     trained = row["n_actions_training"]
-    return f"{row['n_actions']} + {trained:,} in training" if trained else str(row["n_actions"])
+    return str(row["n_actions"]), f"+ {trained:,} training" if trained else ""
 
 
-def seconds(row: Mapping[str, Any]) -> str:
+def seconds(row: Mapping[str, Any]) -> tuple[str, str]:
     """Return the seconds of an episode, and of the training before it."""
     trained = row["seconds_training"]
-    return f"{row['seconds']:.1f} + {trained:.0f} in training" if trained else f"{row['seconds']:.1f}"
+    return f"{row['seconds']:.1f}", f"+ {trained:.0f} training" if trained else ""
+
+
+def cells(row: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the cells of a row after agent and environment: a figure each, and what stands below it."""
+    return [*(figure(row, column) for column in MEASURED_COLUMNS), actions(row), seconds(row)]
 
 
 def terminal_table(results: Mapping[str, Any]) -> Table:
@@ -100,14 +106,13 @@ def terminal_table(results: Mapping[str, Any]) -> Table:
     table.add_column("agent", style="bold")
     table.add_column("environment")
     for column in MEASURED_COLUMNS:
-        table.add_column(column.title, justify="right")
-    table.add_column("actions generated", justify="right")
-    table.add_column("seconds", justify="right")
+        table.add_column(escape(column.title.replace(" [", "\n[")), justify="right", no_wrap=True)
+    table.add_column("actions\ngenerated", justify="right", no_wrap=True)
+    table.add_column("seconds", justify="right", no_wrap=True)
     for place, row in enumerate(rows):
-        cells = ["\n".join(filter(None, figure(row, column))) for column in MEASURED_COLUMNS]
         last = place + 1 == len(rows) or rows[place + 1]["env"] != row["env"]
-        two_lines = [text.replace(" + ", "\n+ ") for text in (actions(row), seconds(row))]
-        table.add_row(row["agent"], env_label(row["env"]), *cells, *two_lines, end_section=last)
+        texts = ["\n".join(filter(None, cell)) for cell in cells(row)]
+        table.add_row(row["agent"], env_label(row["env"]), *texts, end_section=last)
     return table
 
 
@@ -116,10 +121,8 @@ def markdown_table(results: Mapping[str, Any]) -> str:
     titles = ["agent", "environment", *(column.title for column in MEASURED_COLUMNS), "actions generated", "seconds"]
     lines = ["| " + " | ".join(titles) + " |", "| --- | --- |" + " ---: |" * (len(titles) - 2)]
     for row in results["rows"]:
-        cells = [" ".join(filter(None, figure(row, column))) for column in MEASURED_COLUMNS]
-        lines.append(
-            "| " + " | ".join([row["agent"], env_label(row["env"]), *cells, actions(row), seconds(row)]) + " |"
-        )
+        texts = [" ".join(filter(None, cell)) for cell in cells(row)]
+        lines.append("| " + " | ".join([row["agent"], env_label(row["env"]), *texts]) + " |")
     return "\n".join(lines) + "\n"
 
 

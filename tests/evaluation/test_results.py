@@ -76,7 +76,7 @@ def text_of(suite, supervised, random):
 
 
 def test_overlapping_intervals_are_not_called_a_difference(suite):
-    assert "these seeds do not tell them apart" in text_of(suite, (1.0, 2.0, 3.0), (2.5, 3.0, 3.5))
+    assert "these seeds leave it open" in text_of(suite, (1.0, 2.0, 3.0), (2.5, 3.0, 3.5))
 
 
 def test_separate_intervals_are_called_ahead(suite):
@@ -93,3 +93,19 @@ def test_each_reason_is_told_once(suite):
     told = [note for note in notes({"rows": rows(suite, found)}) if note.startswith("novelty")]
     assert len(told) == 1
     assert told[0].endswith("(all rows).")
+
+
+def test_what_physics_changes_is_counted_over_the_same_choices(make_suite):
+    physical = "fake_boxing:Fake/Boxing-v0"
+    both = make_suite(agents=("random",), envs=(physical, MENTAL), n_seeds=1)
+    played = [
+        play(make_agent("random"), fake_boxing.FakeBoxing(physical=body), env_id=env, memory="fake/0", seed=0)
+        for env, body in ((physical, True), (MENTAL, False))
+    ]
+    found = Measured(tuple(played), (), measured().oracles)
+    usable = [action.appropriate for action in played[1].actions]
+    refused = sum(usable) - sum(action.appropriate for action in played[0].actions)
+    change = 100.0 * (played[0].reward / played[1].reward - 1.0)
+    told = findings(both, make_results(both, found, base_seed=0), found)[2]
+    assert f"of {sum(usable)} actions that are usable in the mind, the robot's body refused {refused};" in told
+    assert f"earn {change:+.1f} %" in told
