@@ -47,17 +47,17 @@ class TrainingState:
         return cls(vector, np.zeros_like(vector), np.zeros_like(vector), vector.copy(), np.zeros(0))
 
 
-Advance = Callable[[TrainingState, int], None]
+Advance = Callable[[TrainingState, np.ndarray], None]
 
 
 def make_engine(
     network: NetworkSettings, training: TrainingSettings, codes: np.ndarray, lengths: np.ndarray
 ) -> Advance:
-    """Return a function that advances a state in place by a number of epochs.
+    """Return a function that advances a state in place: `advance(state, ratios)`, one closed-loop ratio per epoch.
 
     Args:
         network: Sizes and time constants.
-        training: Closed-loop ratio, learning rate and the name of the engine.
+        training: Learning rate and the name of the engine.
         codes: Target codes, (n_actions, longest, n_codes) float32, from `targets.target_codes`.
         lengths: Steps of each action.
 
@@ -67,11 +67,11 @@ def make_engine(
     build = {"fused": _fused_engine, "reference": _reference_engine}[training.engine]
     step = build(network, training, codes, lengths)
 
-    def advance(state: TrainingState, n_epochs: int) -> None:
+    def advance(state: TrainingState, ratios: np.ndarray) -> None:
         losses = []
-        for _ in range(n_epochs):
+        for ratio in ratios:
             before = state.vector.copy()
-            loss = step(state, state.epoch + len(losses) + 1)
+            loss = step(state, state.epoch + len(losses) + 1, float(ratio))
             if not math.isfinite(loss):
                 state.vector = before
                 state.loss_history = np.concatenate([state.loss_history, losses])
@@ -94,12 +94,11 @@ def _fused_engine(network: NetworkSettings, training: TrainingSettings, codes: n
     shapes = parameter_shapes(network, codes.shape[2], len(codes))
     mask, rate = neighbour_mask(network), np.float32(1) / layer_time_constants(network)
     entropy = target_entropy(codes, lengths)
-    ratio = np.float32(training.closed_loop_ratio)
 
-    def step(state: TrainingState, epoch: int) -> float:
+    def step(state: TrainingState, epoch: int, ratio: float) -> float:
         gradient = np.empty_like(state.vector)
         loss = entropy + loss_and_gradient(
-            *views(state.vector, shapes).values(), mask, rate, codes, lengths, ratio, network.n_softmax_units,
+            *views(state.vector, shapes).values(), mask, rate, codes, lengths, np.float32(ratio), network.n_softmax_units,
             *views(gradient, shapes).values(),
         )  # fmt: skip
         adam_step(state.vector, gradient, state.first_moment, state.second_moment, epoch, training.learning_rate)
@@ -131,10 +130,10 @@ def _reference_engine(network: NetworkSettings, training: TrainingSettings, code
                 "exp_avg_sq": torch.from_numpy(second.copy()),
             }
 
-    def step(state: TrainingState, epoch: int) -> float:
+    def step(state: TrainingState, epoch: int, ratio: float) -> float:
         put(state, epoch)
         adam.zero_grad()
-        loss = kl_divergence(net(target, training.closed_loop_ratio), target, steps)
+        loss = kl_divergence(net(target, ratio), target, steps)
         loss.backward()
         adam.step()
         state.vector = net.parameter_vector()

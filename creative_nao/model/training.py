@@ -10,6 +10,8 @@ from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import overload
 
+import numpy as np
+
 from creative_nao.demonstrations import Demonstrations
 from creative_nao.errors import SettingsError
 from creative_nao.model.checkpoint import load_checkpoint, save_checkpoint
@@ -72,7 +74,8 @@ def train_network(
         while state.epoch < training.n_epochs:
             if stop is not None and stop.is_set():
                 raise KeyboardInterrupt
-            advance(state, min(CHUNK_EPOCHS - state.epoch % CHUNK_EPOCHS, training.n_epochs - state.epoch))
+            n = min(CHUNK_EPOCHS - state.epoch % CHUNK_EPOCHS, training.n_epochs - state.epoch)
+            advance(state, np.full(n, training.closed_loop_ratio))
             if progress is not None:
                 progress(training, state)
             if checkpoint is not None and state.epoch - saved >= checkpoint_interval:
