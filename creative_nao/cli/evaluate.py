@@ -82,7 +82,7 @@ def _show(evaluation: Evaluation, *, as_json: bool, console: Console) -> None:
     if as_json:
         sys.stdout.write(json.dumps(evaluation.results, indent=2, allow_nan=False) + "\n")
     else:
-        out = Console() if sys.stdout.isatty() else Console(width=140)
+        out = Console() if sys.stdout.isatty() else Console(width=160)
         out.print(terminal_table(evaluation.results))
         console = out
     for name, what in (

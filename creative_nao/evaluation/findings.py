@@ -45,6 +45,9 @@ def limits(suite: Suite) -> list[str]:
             f"The budgets are unequal: before its episode of {suite.n_actions} actions, {names} generated "
             f"{suite.ppo.n_generated:,} actions in training, the others none."
         )
+        lines.append(
+            f"The training settings of {names} were chosen on the memory half/0 too, in runs with other seeds."
+        )
         if any(env != suite.training_env for env in suite.envs):
             lines.append(
                 f"{names} was trained in the {env_label(suite.training_env)} environment only; in the other it meets "
@@ -117,7 +120,7 @@ def _physics(suite: Suite, measured: Measured, memory: str) -> list[str]:
         change = 100.0 * (sum(e.reward for e in performed) / sum(e.reward for e in imagined) - 1.0)
         lines.append(
             f"What physics changes{_of(suite, memory)}: of {len(usable)} actions that are usable in the mind, the "
-            f"robot's body refused {usable.count(False)}; the same choices earn {change:+.1f} % when they are performed."
+            f"robot's body refused {usable.count(False)}; performed, the same choices earn {change:+.1f} %."
         )
     return lines
 

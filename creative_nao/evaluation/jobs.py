@@ -131,7 +131,7 @@ def _training(suite: Suite, agent: str, memory: str, seed: int, base_seed: int) 
             "settings": dataclasses.asdict(suite.ppo),
             "bundle": f"agents/{agent}-{slug(memory)}-{seed}.safetensors",
         },
-        seconds=STARTING_S + suite.ppo.n_generated / 700.0,
+        seconds=STARTING_S + suite.ppo.n_generated / 3500.0,
     )
 
 
@@ -147,7 +147,7 @@ def _chart(suite: Suite, memory: str) -> Job:
             "n_actions": suite.n_actions,
             "chart": f"maps/{slug(memory)}.npz",
         },
-        seconds=STARTING_S + suite.resolution**2 / 1000.0,
+        seconds=STARTING_S + suite.resolution**2 / 5000.0,
     )
 
 

@@ -57,7 +57,7 @@ QUICK = Suite(
     training_env=MENTAL,
     ppo=PPOSettings(),
     oracle_envs=(MENTAL,),
-    seconds_per_action=((BOXING, 0.09), (MENTAL, 0.002)),
+    seconds_per_action=((BOXING, 0.07), (MENTAL, 0.0003)),
 )
 """Minutes on two cores: is the memory a source of new actions, and does a search find more of them than chance?"""
 

@@ -106,9 +106,9 @@ def terminal_table(results: Mapping[str, Any]) -> Table:
     table.add_column("agent", style="bold")
     table.add_column("environment")
     for column in MEASURED_COLUMNS:
-        table.add_column(escape(column.title.replace(" [", "\n[")), justify="right", no_wrap=True)
-    table.add_column("actions\ngenerated", justify="right", no_wrap=True)
-    table.add_column("seconds", justify="right", no_wrap=True)
+        table.add_column(escape(column.title.replace(" [", "\n[")), justify="right")
+    table.add_column("actions\ngenerated", justify="right")
+    table.add_column("seconds", justify="right")
     for place, row in enumerate(rows):
         last = place + 1 == len(rows) or rows[place + 1]["env"] != row["env"]
         texts = ["\n".join(filter(None, cell)) for cell in cells(row)]
