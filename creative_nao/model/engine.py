@@ -97,8 +97,9 @@ def _fused_engine(network: NetworkSettings, training: TrainingSettings, codes: n
 
     def step(state: TrainingState, epoch: int, ratio: float) -> float:
         gradient = np.empty_like(state.vector)
+        number = np.float32(ratio)
         loss = entropy + loss_and_gradient(
-            *views(state.vector, shapes).values(), mask, rate, codes, lengths, np.float32(ratio), network.n_softmax_units,
+            *views(state.vector, shapes).values(), mask, rate, codes, lengths, number, network.n_softmax_units,
             *views(gradient, shapes).values(),
         )  # fmt: skip
         adam_step(state.vector, gradient, state.first_moment, state.second_moment, epoch, training.learning_rate)
