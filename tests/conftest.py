@@ -1,5 +1,10 @@
 """What many tests share: a tiny trained memory, made once."""
 
+import os
+
+# Two threads of torch on two busy cores are up to ten times slower than one. Before anything imports it.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 import numpy as np
 import pytest
 

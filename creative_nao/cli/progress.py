@@ -1,10 +1,11 @@
-"""A progress display with time left: a bar on a terminal, a line now and then elsewhere.
+"""A progress display with time left: bars on a terminal, a line now and then elsewhere.
 
 It goes to stderr, so that stdout is data.
 """
 
 from __future__ import annotations
 
+import threading
 import time
 from types import TracebackType
 
@@ -16,15 +17,16 @@ PLAIN_EVERY_S = 10.0
 
 
 class Display:
-    """Shows how far one long piece of work is.
+    """Shows how far several long pieces of work are, one bar each and the whole when there is more than one.
 
     Args:
-        what: What is done, for example ``training half, seed 0``.
-        total: Number of units of work.
+        totals: Units of work of each piece, by its name.
     """
 
-    def __init__(self, what: str, total: int) -> None:
-        self._what, self._total = what, total
+    def __init__(self, totals: dict[str, int]) -> None:
+        self._totals = totals
+        self._done = dict.fromkeys(totals, 0)
+        self._first: dict[str, int] = {}
         self._console = Console(stderr=True)
         self._bar = Progress(
             TextColumn("{task.description}"),
@@ -37,9 +39,13 @@ class Display:
             console=self._console,
             disable=not self._console.is_terminal,
         )
-        self._task = self._bar.add_task(what, total=total, note="")
+        self._whole = self._bar.add_task("all", total=sum(totals.values()), note="") if len(totals) > 1 else None
+        self._tasks = {
+            name: self._bar.add_task(name, total=total, note="", start=False, visible=self._whole is None)
+            for name, total in totals.items()
+        }
+        self._lock = threading.Lock()  # pieces report from threads of their own
         self._started = self._said = time.monotonic()
-        self._first: int | None = None
 
     def __enter__(self) -> Display:
         self._bar.start()
@@ -50,13 +56,28 @@ class Display:
     ) -> None:
         self._bar.stop()
 
-    def show(self, done: int, note: str = "") -> None:
-        """Say that `done` units are finished; `note` is a figure to show beside."""
-        if self._first is None:
-            self._first = done
-        self._bar.update(self._task, completed=done, note=note)
+    def show(self, name: str, done: int, note: str = "") -> None:
+        """Say that `done` units of the piece `name` are finished; `note` is a figure to show beside."""
+        with self._lock:
+            if name not in self._first:
+                self._first[name] = done
+                self._bar.start_task(self._tasks[name])
+            self._done[name] = done
+            finished = done >= self._totals[name]
+            visible = self._whole is None or not finished
+            self._bar.update(self._tasks[name], completed=done, note=note, visible=visible)
+            if self._whole is not None:
+                self._bar.update(self._whole, completed=sum(self._done.values()))
+            if not self._console.is_terminal:
+                self._say(name, note)
+
+    def _say(self, name: str, note: str) -> None:
         now = time.monotonic()
-        if not self._console.is_terminal and now - self._said >= PLAIN_EVERY_S and done > self._first:
-            left = (now - self._started) / (done - self._first) * (self._total - done)
-            self._console.print(f"{self._what}: {done}/{self._total}, {left:.0f} s left, {note}", highlight=False)
-            self._said = now
+        fresh = sum(self._done.values()) - sum(self._first.values())
+        if now - self._said < PLAIN_EVERY_S or fresh <= 0:
+            return
+        rest = sum(self._totals.values()) - sum(self._done.values())
+        left = (now - self._started) / fresh * rest
+        text = f"{name}: {self._done[name]}/{self._totals[name]}, {note}; {left:.0f} s left in all"
+        self._console.print(text, highlight=False, soft_wrap=True)
+        self._said = now

@@ -1,4 +1,4 @@
-"""`creative-nao train`: turn basic actions into a memory."""
+"""`creative-nao train`: turn basic actions into a memory, or into many."""
 
 from __future__ import annotations
 
@@ -7,43 +7,61 @@ import json
 import os
 import signal
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+from creative_nao import atomic
 from creative_nao.cli.progress import Display
-from creative_nao.demonstrations import load_demonstrations
-from creative_nao.errors import SettingsError
-from creative_nao.measures import Criteria, dtw
-from creative_nao.model import Memory, NetworkSettings, TrainingSettings, train_network
+from creative_nao.demonstrations import Demonstrations, load_demonstrations
+from creative_nao.errors import SettingsError, TrainingError
+from creative_nao.measures import Criteria
+from creative_nao.model import (
+    CONDITIONS,
+    NetworkSettings,
+    Trained,
+    TrainingSettings,
+    checkpoint_of,
+    train_many,
+)
 from creative_nao.model.engine import TrainingState
+from creative_nao.provenance import record
 
 
 @dataclasses.dataclass(frozen=True)
 class TrainSettings:
-    """Train a network on basic actions and write it as a memory file.
+    """Train a network on basic actions and write it as a memory file; with several seeds or ratios, a folder of them.
 
-    A checkpoint stands beside the memory while training runs; after Ctrl-C or a crash, the same command with --resume
+    A checkpoint stands beside a memory while training runs; after Ctrl-C or a crash, the same command with --resume
     goes on from it and ends with the same bits as an uninterrupted run.
     """
 
     out: Path
-    """Memory file to write, usually ending in .safetensors."""
+    """Memory file to write, usually ending in .safetensors; with several networks, a folder for files such as
+    half-0.safetensors and training.json."""
     demonstrations: Path | None = None
     """Folder of CSV recordings, one basic action each; default: the six shipped boxing actions."""
-    closed_loop_ratio: float = 0.5
-    """Share of its own prediction in the network's input: 0 open, 0.5 half closed, 1 closed loop."""
+    closed_loop_ratio: tuple[float, ...] = (0.5,)
+    """Share of its own prediction in the network's input: 0 open, 0.5 half closed, 1 closed loop. Several: a network
+    each."""
+    schedule: Literal["constant", "annealed", "random"] = "constant"
+    """Ratio over the epochs: constant; annealed from 0 up; or random for each epoch, between 0 and the ratio."""
+    anneal_epochs: int = 50_000
+    """Epochs over which an annealed ratio rises."""
     n_epochs: int = 100_000
     """Passes over all actions; the epoch with the lowest loss is kept."""
     learning_rate: float = 0.001
     """Step size of Adam."""
-    seed: int = 0
-    """Seed of the initial weights."""
+    seed: tuple[int, ...] = (0,)
+    """Seed of the initial weights. Several: a network each, for each ratio."""
     engine: Literal["fused", "reference"] = "fused"
     """`fused`: compiled; `reference`: torch autograd, written to be read, many times slower."""
     checkpoint_interval: int = 5000
     """Epochs from one checkpoint to the next."""
+    n_workers: int | None = None
+    """Networks at a time; default: the number of cores. Has no influence on the results."""
     resume: bool = False
-    """Go on from the checkpoint beside --out, if there is one."""
+    """Go on from checkpoints and finished memories, if there are any."""
     json: bool = False
     """Print the figures as JSON."""
     network: NetworkSettings = dataclasses.field(default_factory=NetworkSettings)
@@ -51,44 +69,97 @@ class TrainSettings:
 
 
 def run(settings: TrainSettings) -> int:
-    """Train, write the memory, print how well each basic action comes back in closed loop."""
-    training = TrainingSettings(
-        closed_loop_ratio=settings.closed_loop_ratio,
-        n_epochs=settings.n_epochs,
-        learning_rate=settings.learning_rate,
-        seed=settings.seed,
-        engine=settings.engine,
-    )
-    if settings.out.is_dir():
-        raise SettingsError(f"--out should name a file, but {settings.out} is a folder")
-    demonstrations = load_demonstrations(settings.demonstrations)
-    checkpoint = settings.out.with_name(f"{settings.out.name}.checkpoint")
-    if checkpoint.exists() and not settings.resume:
-        raise SettingsError(
-            f"{checkpoint} is left from an earlier run; go on from it with --resume, or remove it to begin anew"
-        )
-    stop = threading.Event()
-    with Display(f"ratio {training.closed_loop_ratio:g}, seed {training.seed}", training.n_epochs) as display:
+    """Train, write the memories, print how well each basic action comes back in closed loop.
 
-        def show(_: TrainingSettings, state: TrainingState) -> None:
-            display.show(state.epoch, f"loss {state.loss_history[-1]:.3g}, best {state.best_loss:.3g}")
+    Raises:
+        TrainingError: If the only network wanted could not be trained.
+    """
+    wanted = _wanted(settings)
+    many = len(wanted) > 1
+    paths = {one: settings.out / f"{file_stem(one)}.safetensors" if many else settings.out for one in wanted}
+    _check_places(settings, list(paths.values()), many)
+    demonstrations = load_demonstrations(settings.demonstrations)
+    stop = threading.Event()
+    with Display({_label(one): one.n_epochs for one in wanted}) as display:
+
+        def show(training: TrainingSettings, state: TrainingState) -> None:
+            note = f"loss {state.loss_history[-1]:.3g}, best {state.best_loss:.3g}"
+            display.show(_label(training), state.epoch, note)
 
         with _stopped_by_signals(stop):
-            memory = train_network(
+            trained = train_many(
                 demonstrations,
-                training,
+                wanted,
                 settings.network,
-                checkpoint=checkpoint,
+                out=paths.__getitem__,
                 checkpoint_interval=settings.checkpoint_interval,
                 resume=settings.resume,
                 progress=show,
                 stop=stop,
                 command=_command(settings),
+                n_workers=settings.n_workers,
             )
-    memory.save(settings.out)
-    checkpoint.unlink(missing_ok=True)
-    _report(memory, settings)
+    if not many and trained[0].failure is not None:
+        raise TrainingError(trained[0].failure)
+    figures = [_figures(one, demonstrations) for one in trained]
+    if many:
+        whole = {**record(settings=dataclasses.asdict(wanted[0]), command=_command(settings)), "networks": figures}
+        atomic.write_text(settings.out / "training.json", json.dumps(whole, indent=2) + "\n")
+    if settings.json:
+        print(json.dumps(figures if many else {"out": os.fspath(settings.out), **figures[0]}))  # noqa: T201 - output
+    elif many:
+        _print_many(figures, settings)
+    else:
+        _print_one(figures[0], settings)
     return 0
+
+
+def file_stem(training: TrainingSettings) -> str:
+    """Return the name of a network's file without ending: condition and seed, such as ``half-0``."""
+    names = {ratio: name for name, ratio in CONDITIONS.items()}
+    return f"{names.get(training.closed_loop_ratio, f'ratio{training.closed_loop_ratio:g}')}-{training.seed}"
+
+
+def _label(training: TrainingSettings) -> str:
+    return f"ratio {training.closed_loop_ratio:g}, seed {training.seed}"
+
+
+def _wanted(settings: TrainSettings) -> list[TrainingSettings]:
+    wanted = [
+        TrainingSettings(
+            closed_loop_ratio=ratio,
+            schedule=settings.schedule,
+            anneal_epochs=settings.anneal_epochs,
+            n_epochs=settings.n_epochs,
+            learning_rate=settings.learning_rate,
+            seed=seed,
+            engine=settings.engine,
+        )
+        for seed in settings.seed
+        for ratio in settings.closed_loop_ratio
+    ]
+    if not wanted:
+        raise SettingsError("--seed and --closed-loop-ratio should name at least one value each")
+    if len(set(wanted)) < len(wanted):
+        raise SettingsError("--seed and --closed-loop-ratio should not repeat a value")
+    if settings.n_workers is not None and settings.n_workers < 1:
+        raise SettingsError(f"--n-workers should be at least 1, but is {settings.n_workers}")
+    return wanted
+
+
+def _check_places(settings: TrainSettings, paths: Sequence[Path], many: bool) -> None:
+    if many and settings.out.is_file():
+        raise SettingsError(f"--out should name a folder for several networks, but {settings.out} is a file")
+    if not many and settings.out.is_dir():
+        raise SettingsError(f"--out should name a file, but {settings.out} is a folder")
+    if settings.resume:
+        return
+    for path in paths:
+        if checkpoint_of(path).exists():
+            raise SettingsError(
+                f"{checkpoint_of(path)} is left from an earlier run; go on from it with --resume, "
+                "or remove it to begin anew"
+            )
 
 
 class _stopped_by_signals:  # noqa: N801 - used like a function
@@ -108,32 +179,56 @@ class _stopped_by_signals:  # noqa: N801 - used like a function
 
 
 def _command(settings: TrainSettings) -> str:
-    """Return the command that makes this memory again, without the places of this machine."""
+    """Return the command that makes these memories again, without the places of this machine."""
     words = ["creative-nao train"]
     if settings.demonstrations is not None:
         words.append(f"--demonstrations {settings.demonstrations.name}")
-    words += [f"--closed-loop-ratio {settings.closed_loop_ratio:g}", f"--n-epochs {settings.n_epochs}"]
-    words += [f"--seed {settings.seed}", f"--out {settings.out.name}"]
-    return " ".join(words)
+    words.append("--closed-loop-ratio " + " ".join(f"{ratio:g}" for ratio in settings.closed_loop_ratio))
+    if settings.schedule != "constant":
+        words.append(f"--schedule {settings.schedule}")
+    words += [f"--n-epochs {settings.n_epochs}", "--seed " + " ".join(map(str, settings.seed))]
+    return " ".join([*words, f"--out {settings.out.name}"])
 
 
-def _report(memory: Memory, settings: TrainSettings) -> None:
-    basic = memory.demonstrations
-    distances = [dtw(a, b) for a, b in zip(memory.generate(memory.pb), basic.trajectories, strict=True)]
-    threshold = Criteria().learned_threshold
-    n_back = sum(distance <= threshold for distance in distances)
-    if settings.json:
-        figures = {
-            "out": os.fspath(settings.out),
-            "best_loss": memory.best_loss,
-            "best_epoch": memory.best_epoch,
-            "pb": dict(zip(basic.names, memory.pb.tolist(), strict=True)),
-            "reproduction_dtw": dict(zip(basic.names, distances, strict=True)),
+def _figures(trained: Trained, demonstrations: Demonstrations) -> dict[str, object]:
+    found: dict[str, object] = {
+        "name": file_stem(trained.training),
+        "closed_loop_ratio": trained.training.closed_loop_ratio,
+        "seed": trained.training.seed,
+        "succeeded": trained.succeeded(),
+        "failure": trained.failure,
+    }
+    if trained.memory is not None:
+        found |= {
+            "best_loss": trained.memory.best_loss,
+            "best_epoch": trained.memory.best_epoch,
+            "pb": dict(zip(demonstrations.names, trained.memory.pb.tolist(), strict=True)),
+            "reproduction_dtw": dict(zip(demonstrations.names, trained.reproduction(), strict=True)),
         }
-        print(json.dumps(figures))  # noqa: T201 - the command's output
-        return
-    print(f"{settings.out}: loss {memory.best_loss:.3f} at epoch {memory.best_epoch}")  # noqa: T201
-    for name, pb, distance in zip(basic.names, memory.pb, distances, strict=True):
-        place = ", ".join(f"{value:+.3f}" for value in pb)
+    return found
+
+
+def _print_one(figures: dict, settings: TrainSettings) -> None:
+    print(f"{settings.out}: loss {figures['best_loss']:.3f} at epoch {figures['best_epoch']}")  # noqa: T201
+    for name, distance in figures["reproduction_dtw"].items():
+        place = ", ".join(f"{value:+.3f}" for value in figures["pb"][name])
         print(f"  {name:<16} PB ({place})   comes back within DTW {distance:.2f}")  # noqa: T201
-    print(f"{n_back} of {len(distances)} basic actions come back within DTW {threshold:g} in closed loop")  # noqa: T201
+    threshold = Criteria().learned_threshold
+    n_back = sum(distance <= threshold for distance in figures["reproduction_dtw"].values())
+    n_all = len(figures["reproduction_dtw"])
+    print(f"{n_back} of {n_all} basic actions come back within DTW {threshold:g} in closed loop")  # noqa: T201
+
+
+def _print_many(figures: list[dict], settings: TrainSettings) -> None:
+    print(f"{'network':<16} {'loss':>8} {'worst DTW':>10}  all come back")  # noqa: T201
+    for row in figures:
+        if row["failure"] is not None:
+            print(f"{row['name']:<16} failed: {row['failure']}")  # noqa: T201
+            continue
+        worst = max(row["reproduction_dtw"].values())
+        back = "yes" if row["succeeded"] else "no"
+        print(f"{row['name']:<16} {row['best_loss']:>8.3f} {worst:>10.2f}  {back}")  # noqa: T201
+    for ratio in settings.closed_loop_ratio:
+        fates = [row["succeeded"] for row in figures if row["closed_loop_ratio"] == ratio]
+        print(f"ratio {ratio:g}: {sum(fates)} of {len(fates)} networks give every basic action back")  # noqa: T201
+    print(f"written: {settings.out}/")  # noqa: T201

@@ -8,19 +8,23 @@ Inside: `encoding` (Eq. 6, 7), `mtrnn` (Eq. 1-3, 5, in torch), `loss` (Eq. 4), `
 torch is loaded by the reference network only, not by using or training a memory with the compiled engine.
 """
 
+from creative_nao.model.campaign import Trained, checkpoint_of, reproduction, train, train_many
 from creative_nao.model.config import NetworkSettings, TrainingSettings
 from creative_nao.model.memory import Memory
 from creative_nao.model.shipped import CONDITIONS, load_memory, shipped_memories
-from creative_nao.model.training import train, train_network, train_side_by_side
+from creative_nao.model.training import train_network
 
 __all__ = [
     "CONDITIONS",
     "Memory",
     "NetworkSettings",
+    "Trained",
     "TrainingSettings",
+    "checkpoint_of",
     "load_memory",
+    "reproduction",
     "shipped_memories",
     "train",
+    "train_many",
     "train_network",
-    "train_side_by_side",
 ]

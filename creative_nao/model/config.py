@@ -67,6 +67,11 @@ class TrainingSettings:
 
     closed_loop_ratio: float = 0.5
     """Share of the network's own prediction in its input (Eq. 5): 0 open, 0.5 half closed, 1 closed loop."""
+    schedule: Literal["constant", "annealed", "random"] = "constant"
+    """`constant`; `annealed`: from 0 up to `closed_loop_ratio` over `anneal_epochs`; `random`: drawn for each epoch
+    between 0 and `closed_loop_ratio`."""
+    anneal_epochs: int = 50_000
+    """Epochs over which an annealed ratio rises."""
     n_epochs: int = 100_000
     """Number of passes over all actions."""
     learning_rate: float = 0.001
@@ -79,6 +84,9 @@ class TrainingSettings:
     def __post_init__(self) -> None:
         """Check every field."""
         _require(0 <= self.closed_loop_ratio <= 1, "closed_loop_ratio", "from 0 to 1", self.closed_loop_ratio)
+        schedules = ("constant", "annealed", "random")
+        _require(self.schedule in schedules, "schedule", "`constant`, `annealed` or `random`", self.schedule)
+        _require(_is_count(self.anneal_epochs), "anneal_epochs", "a whole number >= 1", self.anneal_epochs)
         _require(_is_count(self.n_epochs), "n_epochs", "a whole number >= 1", self.n_epochs)
         _require(0 < self.learning_rate < math.inf, "learning_rate", "a positive number", self.learning_rate)
         _require(isinstance(self.seed, int) and self.seed >= 0, "seed", "a whole number >= 0", self.seed)

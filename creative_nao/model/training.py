@@ -1,24 +1,21 @@
-"""Train networks: one or many side by side, with checkpoints from which a run goes on with the same bits."""
+"""Train one network, with checkpoints from which an interrupted run goes on with the same bits."""
 
 from __future__ import annotations
 
 import dataclasses
 import os
 import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from collections.abc import Callable
 from pathlib import Path
-from typing import overload
-
-import numpy as np
 
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.errors import SettingsError
+from creative_nao.errors import SettingsError, TrainingError
 from creative_nao.model.checkpoint import load_checkpoint, save_checkpoint
 from creative_nao.model.config import NetworkSettings, TrainingSettings
 from creative_nao.model.engine import TrainingState, make_engine
 from creative_nao.model.memory import MAX_CURVE_POINTS, Memory, encoding_of
 from creative_nao.model.parameters import parameter_shapes, views
+from creative_nao.model.schedule import closed_loop_ratios
 from creative_nao.model.targets import target_codes
 from creative_nao.provenance import record
 
@@ -46,8 +43,8 @@ def train_network(
         demonstrations: The basic actions.
         training: Closed-loop ratio, epochs, learning rate, seed, engine.
         network: Sizes, time constants, code; default: the paper's.
-        checkpoint: File that keeps the state of training every `checkpoint_interval` epochs and when training stops
-            early.
+        checkpoint: File that keeps the state of training every `checkpoint_interval` epochs and when training is
+            interrupted.
         checkpoint_interval: Epochs between two checkpoints.
         resume: Go on from `checkpoint` if it is there; the result has the same bits as an uninterrupted run.
         progress: Called with the settings and the state every `CHUNK_EPOCHS` epochs.
@@ -56,7 +53,7 @@ def train_network(
 
     Raises:
         SettingsError: If a setting or the checkpoint does not fit.
-        TrainingError: If the loss is no longer finite.
+        TrainingError: If the loss is no longer finite; the last checkpoint stays as it is.
     """
     network = NetworkSettings() if network is None else network
     if checkpoint_interval < 1:
@@ -70,102 +67,29 @@ def train_network(
         state = TrainingState.initial(network, encoding.n_codes, demonstrations.n_actions, training.seed)
     advance = make_engine(network, training, codes, lengths)
     saved = state.epoch
+
+    def save() -> None:
+        nonlocal saved
+        if checkpoint is not None and saved < state.epoch:
+            save_checkpoint(checkpoint, state, demonstrations, network, training)
+            saved = state.epoch
+
     try:
         while state.epoch < training.n_epochs:
             if stop is not None and stop.is_set():
                 raise KeyboardInterrupt
-            n = min(CHUNK_EPOCHS - state.epoch % CHUNK_EPOCHS, training.n_epochs - state.epoch)
-            advance(state, np.full(n, training.closed_loop_ratio))
+            end = min(state.epoch - state.epoch % CHUNK_EPOCHS + CHUNK_EPOCHS, training.n_epochs)
+            advance(state, closed_loop_ratios(training, state.epoch, end))
             if progress is not None:
                 progress(training, state)
-            if checkpoint is not None and state.epoch - saved >= checkpoint_interval:
-                save_checkpoint(checkpoint, state, demonstrations, network, training)
-                saved = state.epoch
-    finally:
-        if checkpoint is not None and saved < state.epoch < training.n_epochs:
-            save_checkpoint(checkpoint, state, demonstrations, network, training)
+            if state.epoch - saved >= checkpoint_interval:
+                save()
+    except TrainingError:
+        raise  # the moments of Adam are not finite any more: an older checkpoint is worth more
+    except BaseException:
+        save()
+        raise
     return _memory(demonstrations, network, training, state, encoding.n_codes, command)
-
-
-@overload
-def train(
-    demonstrations: Demonstrations, *, seed: int = ..., seeds: None = ..., network: NetworkSettings | None = ...,
-    progress: Progress | None = ..., **settings,
-) -> Memory: ...  # fmt: skip
-@overload
-def train(
-    demonstrations: Demonstrations, *, seed: int = ..., seeds: Sequence[int], network: NetworkSettings | None = ...,
-    progress: Progress | None = ..., **settings,
-) -> list[Memory]: ...  # fmt: skip
-def train(
-    demonstrations: Demonstrations,
-    *,
-    seed: int = 0,
-    seeds: Sequence[int] | None = None,
-    network: NetworkSettings | None = None,
-    progress: Progress | None = None,
-    **settings,
-) -> Memory | list[Memory]:
-    """Train a network, or one per seed side by side on all cores.
-
-    Args:
-        demonstrations: The basic actions, from `load_demonstrations`.
-        seed: Seed of the initial weights.
-        seeds: Several seeds; then a list of memories in their order is returned.
-        network: Sizes, time constants, code; default: the paper's.
-        progress: Called with the settings and the state every hundred epochs, from several threads when there are
-            several seeds.
-        **settings: Other fields of `TrainingSettings`: `closed_loop_ratio`, `n_epochs`, `learning_rate`, `engine`.
-
-    Returns:
-        A memory, or a list of them when `seeds` is given. The number of cores does not change a bit.
-
-    Raises:
-        SettingsError: If a setting is unknown or out of range.
-        TrainingError: If a loss is no longer finite.
-    """
-    known = {field.name for field in dataclasses.fields(TrainingSettings)} - {"seed"}
-    unknown = sorted(set(settings) - known)
-    if unknown:
-        raise SettingsError(f"`{unknown[0]}` is no setting of training; there are {', '.join(sorted(known))}")
-    if seeds is None:
-        return train_network(demonstrations, TrainingSettings(seed=seed, **settings), network, progress=progress)
-    wanted = [TrainingSettings(seed=one, **settings) for one in seeds]
-    return train_side_by_side(
-        [
-            lambda stop, one=one: train_network(demonstrations, one, network, progress=progress, stop=stop)
-            for one in wanted
-        ]
-    )
-
-
-def train_side_by_side(
-    jobs: Sequence[Callable[[threading.Event], Memory]], n_workers: int | None = None
-) -> list[Memory]:
-    """Run training jobs on all cores and return their memories in order.
-
-    Compiled epochs release Python's lock, so threads are enough. When one fails or the user interrupts, the others
-    save their checkpoints and stop.
-
-    Args:
-        jobs: Each is called with an event that asks it to stop.
-        n_workers: Networks at a time; default: the number of cores.
-    """
-    stop = threading.Event()
-    n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with ThreadPoolExecutor(n_workers or n_cores) as pool:
-        futures = [pool.submit(job, stop) for job in jobs]
-        try:
-            wait(futures, return_when=FIRST_EXCEPTION)
-            failed = [future for future in futures if future.done() and future.exception()]
-            if failed:
-                failed[0].result()
-        except BaseException:
-            stop.set()
-            for future in futures:
-                future.cancel()
-            raise
-    return [future.result() for future in futures]
 
 
 def _memory(

@@ -156,6 +156,36 @@ def test_a_killed_training_goes_on_with_the_same_bits(kill, tmp_path):
     assert not checkpoint.exists()
 
 
+def test_several_networks_go_into_a_folder_with_their_success(capsys, tmp_path):
+    out = tmp_path / "bank"
+    words = ["train", "--n-epochs", "30", "--closed-loop-ratio", "0", "0.5", "--seed", "1", "2", "--out", str(out)]
+    assert main([*words, "--network.layer-sizes", "6", "--network.time-constants", "2", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+
+    assert {file.name for file in out.iterdir()} == {
+        "open-1.safetensors", "open-2.safetensors", "half-1.safetensors", "half-2.safetensors", "training.json",
+    }  # fmt: skip
+    assert [row["name"] for row in told] == ["open-1", "half-1", "open-2", "half-2"]
+    assert json.loads((out / "training.json").read_text())["networks"] == told
+    alone = tmp_path / "alone"
+    short = ["--network.layer-sizes", "6", "--network.time-constants", "2", "--out", str(alone)]
+    assert main(["train", "--n-epochs", "30", "--closed-loop-ratio", "0", "--seed", "2", *short]) == 0
+    one, other = load_memory(alone), load_memory(out / "open-2.safetensors")
+    assert all(np.array_equal(one.parameters[name], other.parameters[name]) for name in one.parameters)
+
+
+def test_a_network_that_diverges_is_recorded_and_the_others_go_on(capsys, tmp_path):
+    """The rate is so large that the weights leave the numbers within a few epochs."""
+    words = ["train", "--n-epochs", "30", "--learning-rate", "1e30", "--seed", "1", "2", "--out", str(tmp_path / "b")]
+    assert main([*words, "--network.layer-sizes", "6", "--network.time-constants", "2"]) == 0
+    networks = json.loads((tmp_path / "b" / "training.json").read_text())["networks"]
+
+    assert all("no longer finite at epoch" in row["failure"] for row in networks)
+    assert "failed: the loss is no longer finite" in capsys.readouterr().out
+    assert main([*words[:5], "--out", str(tmp_path / "one")]) == 2
+    assert "no longer finite at epoch" in said(capsys)
+
+
 def test_an_old_checkpoint_is_not_overwritten(capsys, tmp_path):
     (tmp_path / "m.checkpoint").write_bytes(b"precious")
 

@@ -52,7 +52,7 @@ def test_both_engines_learn_the_same(waves, ratio):
 
 def test_the_best_epoch_is_kept_not_the_last(waves):
     """With a large learning rate the loss goes up and down; the memory has the weights of its lowest point."""
-    memory = train(waves, n_epochs=60, network=TINY, learning_rate=0.5)
+    memory = train(waves, n_epochs=300, network=TINY, learning_rate=0.1)
 
     assert memory.best_epoch == 1 + int(memory.loss_history.argmin())
     assert memory.best_loss < memory.loss_history[-1]
