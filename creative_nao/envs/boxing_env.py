@@ -68,7 +68,8 @@ class BoxingEnv(RepertoireEnv):
     `hit_impulse` [N s], `fist_speed` (largest [m/s]).
 
     ## Starting state
-    The robot stands in the guard, the repertoire is empty. Nothing is random.
+    The robot stands in the guard, the repertoire is empty. Nothing is random but the draw of a memory from a part of
+    the bank.
 
     ## Episode end
     Truncated after `n_actions` (30) steps; never terminated: after a fall the next action starts from the guard again.
@@ -76,7 +77,7 @@ class BoxingEnv(RepertoireEnv):
     ## Arguments
     | argument | default | meaning |
     | --- | --- | --- |
-    | memory | `"half/0"` | shipped name, path of a memory file, or a `Memory` of the eight arm joints |
+    | memory | `"half/0"` | name, file, or a `Memory` of the arm joints; `"train"`, `"validation"`, `"test"` draw one per episode |
     | n_actions | 30 | actions in an episode |
     | render_mode | None | `rgb_array` (the last movement at its widest), `rgb_array_list` (a film), `human` |
     | criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |

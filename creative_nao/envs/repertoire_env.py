@@ -14,9 +14,9 @@ from gymnasium.spaces import Box
 from creative_nao.envs.observation import APPROPRIATE, Observer, observation_space
 from creative_nao.envs.repertoire import Repertoire
 from creative_nao.envs.stage import FRAME_DT_S, Stage
-from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name
 from creative_nao.measures import Criteria, excursion_limit, excursions, largest_speeds, speed_limits
-from creative_nao.model import Memory, load_memory
+from creative_nao.model import SPLITS, Memory, load_memory, split_memories
 
 if TYPE_CHECKING:
     from creative_nao.robot.scene import Scene
@@ -44,7 +44,8 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray], abc.ABC):
     """Base of the boxing environments: generates, has the action performed, scores it and keeps the repertoire.
 
     Args:
-        memory: Shipped name such as ``half/0``, path of a memory file, or a `Memory`.
+        memory: Shipped name such as ``half/0``, path of a memory file, or a `Memory`; or a part of the bank, ``train``,
+            ``validation`` or ``test``, from which every episode draws one.
         n_actions: Actions in an episode.
         render_mode: One of ``metadata["render_modes"]`` or None.
         criteria: Where the lines between outcomes are drawn; default: the paper's.
@@ -75,20 +76,32 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray], abc.ABC):
             )
         self.render_mode = render_mode
         self.n_actions = n_actions
-        self.memory = memory if isinstance(memory, Memory) else load_memory(memory)
         self.criteria = Criteria() if criteria is None else criteria
-        basic = self.memory.demonstrations
-        self.repertoire = Repertoire(basic)
-        self._speed_limit = speed_limits(basic, self.criteria)
-        self._excursion_limit = excursion_limit(basic, self.criteria)
-        n_pb = self.memory.network.n_pb
-        self._observer = Observer(basic.n_actions, n_pb)
-        self.observation_space = observation_space(basic.n_actions, n_pb)
+        self._bank = split_memories(memory) if isinstance(memory, str) and memory in SPLITS else ()
+        self._loaded: dict[str, Memory] = {}
+        if self._bank:
+            self._use(self._bank[0])
+        else:
+            self._use(memory if isinstance(memory, Memory) else os.fspath(memory))
+        n_actions_known, n_pb = self.memory.demonstrations.n_actions, self.memory.network.n_pb
+        self._observer = Observer(n_actions_known, n_pb)
+        self.observation_space = observation_space(n_actions_known, n_pb)
         self.action_space = Box(-1.0, 1.0, (n_pb,), np.float32)
         self._step = 0
         self._stage: Stage | None = None
         self._scene: Scene | None = None
         self._film: list[tuple[np.ndarray, float]] = []
+
+    def _use(self, memory: str | Memory) -> None:
+        """Make a memory the one of the coming episode; memories of the bank are loaded once."""
+        if not isinstance(memory, Memory):
+            if memory not in self._loaded:
+                self._loaded[memory] = load_memory(memory)
+            memory = self._loaded[memory]
+        self.memory = memory
+        self.repertoire = Repertoire(memory.demonstrations)
+        self._speed_limit = speed_limits(memory.demonstrations, self.criteria)
+        self._excursion_limit = excursion_limit(memory.demonstrations, self.criteria)
 
     @property
     def scene(self) -> Scene:
@@ -108,15 +121,33 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray], abc.ABC):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin an episode with an empty repertoire.
 
+        Args:
+            seed: Seed of the draw of memories; only environments over a part of the bank draw anything.
+            options: ``{"memory": name}`` takes this memory of the part instead of drawing one.
+
         Returns:
             The observation, all zero, and an `info` with the name of the memory.
+
+        Raises:
+            NotFoundError: If the memory in `options` is not of the part that the environment was made with.
         """
         super().reset(seed=seed, options=options)
+        self._choose((options or {}).get("memory"))
         self._step = 0
         self.repertoire.clear()
         self._observer.clear()
         self._film.clear()
         return self._observer.vector(), {"memory": self.memory.name}
+
+    def _choose(self, wanted: str | None) -> None:
+        if wanted is not None and wanted not in (self._bank or (self.memory.name,)):
+            known = self._bank or (self.memory.name,)
+            raise NotFoundError(
+                f'options["memory"]: no memory `{wanted}`{nearest_name(wanted, known)} in this environment; '
+                f"there are {', '.join(known)}"
+            )
+        if self._bank:
+            self._use(wanted or self._bank[int(self.np_random.integers(len(self._bank)))])
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Generate the movement of a PB point, perform and score it.

@@ -12,6 +12,27 @@ PRETRAINED = Path(__file__).parent / "pretrained"
 CONDITIONS = {"open": 0.0, "half": 0.5, "closed": 1.0}
 """The paper's three closed-loop ratios by name."""
 
+SPLITS = {"train": range(10), "validation": range(10, 12), "test": range(12, 16)}
+"""Seeds of the bank's three parts, each with all conditions. Agents learn on `train`, are tuned on `validation` and
+judged on `test`, whose memories no training ever sees."""
+
+
+def split_memories(split: str) -> tuple[str, ...]:
+    """Return the names of the shipped memories of one part of the bank.
+
+    Args:
+        split: `train`, `validation` or `test`.
+
+    Raises:
+        NotFoundError: If there is no such part, or none of its memories ships.
+    """
+    if split not in SPLITS:
+        raise NotFoundError(f"no split `{split}`{nearest_name(split, SPLITS)}; there are {', '.join(SPLITS)}")
+    names = tuple(name for name in shipped_memories() if int(name.split("/")[1]) in SPLITS[split])
+    if not names:
+        raise NotFoundError(f"no memory of the split `{split}` ships with this installation")
+    return names
+
 
 def shipped_memories() -> tuple[str, ...]:
     """Return the names of the shipped memories, condition and seed: ``open/0``, ``half/0``, ``closed/0``, ..."""
@@ -37,6 +58,11 @@ def load_memory(name: str | os.PathLike[str]) -> Memory:
         return Memory.read(PRETRAINED / f"{condition}-{seed}.safetensors", name=text)
     if Path(text).is_file():
         return Memory.read(text)
+    if text in SPLITS:
+        raise NotFoundError(
+            f"`{text}` is a part of the bank, not one memory; an environment draws from it, "
+            f"split_memories({text!r}) lists it"
+        )
     raise NotFoundError(
         f"no memory `{text}`{nearest_name(text, names)}: neither a file nor a shipped name; "
         f"shipped are {', '.join(names)}"

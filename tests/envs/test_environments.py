@@ -12,6 +12,7 @@ import creative_nao
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.envs.observation import OUTCOMES
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError
+from creative_nao.model import shipped_memories, split_memories
 
 NAMES = tuple(ENVIRONMENTS)
 
@@ -121,6 +122,29 @@ def test_rgb_array_list_is_a_film_of_what_was_performed(name):
         film = env.render()
 
     assert len(film) == 148  # 49 ticks of 0.15 s in frames of 0.05 s, both ends shown
+
+
+def test_over_the_bank_every_episode_draws_a_memory_by_seed():
+    with gym.make("CreativeNao/BoxingMental-v0", memory="train") as env:
+        drawn = [env.reset(seed=4 if k == 0 else None)[1]["memory"] for k in range(12)]
+        again = [env.reset(seed=4 if k == 0 else None)[1]["memory"] for k in range(12)]
+        named = env.reset(options={"memory": drawn[0]})[1]["memory"]
+
+    assert drawn == again
+    assert len(set(drawn)) > 1
+    assert set(drawn) <= set(split_memories("train"))
+    assert named == drawn[0]
+
+
+def test_no_memory_of_the_test_split_is_in_another():
+    parts = [set(split_memories(split)) for split in ("train", "validation", "test")]
+
+    assert sum(map(len, parts)) == len(set.union(*parts)) == len(shipped_memories())
+
+
+def test_a_memory_of_another_part_is_refused():
+    with gym.make("CreativeNao/BoxingMental-v0", memory="train") as env, pytest.raises(NotFoundError, match="half/15"):
+        env.reset(options={"memory": "half/15"})
 
 
 @pytest.mark.parametrize("action", [np.zeros(3, np.float32), np.array([np.nan, 0], np.float32)])
