@@ -92,14 +92,24 @@ def _ranking(rows: list[Mapping[str, Any]], start: str) -> str:
     text = f"{start}, the reward is: {told}."
     if len(ranked) < 2:
         return text
-    best = ranked[0]
+    best, story = ranked[0], _other_story(ranked)
     if best["reward"]["low"] is None:
-        return f"{text} One seed cannot tell them apart."
+        return f"{text} One seed cannot tell them apart.{story}"
     level = [row["agent"] for row in ranked[1:] if row["reward"]["high"] >= best["reward"]["low"]]
     if not level:
-        return f"{text} {best['agent']} is ahead of all others: its interval overlaps with none of theirs."
+        return f"{text} {best['agent']} is ahead of all others: its interval overlaps with none of theirs.{story}"
     names = " and ".join(level)
-    return f"{text} The interval of {best['agent']} overlaps with that of {names}: these seeds leave it open."
+    return f"{text} The interval of {best['agent']} overlaps with that of {names}: these seeds leave it open.{story}"
+
+
+def _other_story(ranked: list[Mapping[str, Any]]) -> str:
+    """Return a sentence when the best in reward is not the best in diversity."""
+    known = [row for row in ranked if row["diversity"] is not None]
+    most = max(known, key=lambda row: row["diversity"]["mean"], default=None)
+    if most is None or most is ranked[0]:
+        return ""
+    told = ", ".join(f"{row['agent']} {row['diversity']['mean']:.1f}" for row in known)
+    return f" {ranked[0]['agent']} is not the most diverse, though: diversity is {told}."
 
 
 def _physics(suite: Suite, measured: Measured, memory: str) -> list[str]:

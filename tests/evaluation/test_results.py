@@ -83,6 +83,17 @@ def test_separate_intervals_are_called_ahead(suite):
     assert "random is ahead of all others" in text_of(suite, (1.0, 2.0, 2.4), (2.5, 3.0, 3.5))
 
 
+def test_the_best_in_reward_is_not_called_the_most_diverse_when_it_is_not(suite):
+    results = make_results(suite, measured(), base_seed=0)
+    for row, reward, diversity in zip(results["rows"], (2.0, 3.0), (50.0, 40.0), strict=True):
+        row["reward"] = {"mean": reward, "low": reward - 0.1, "high": reward + 0.1}
+        row["diversity"] = {"mean": diversity, "low": None, "high": None}
+    told = findings(suite, results, measured())[0]
+    assert "random is not the most diverse, though: diversity is random 40.0, supervised 50.0." in told
+    results["rows"][1]["diversity"]["mean"] = 60.0
+    assert "diverse" not in findings(suite, results, measured())[0]
+
+
 def test_limits_speak_of_training_only_where_something_was_trained(suite, make_suite):
     assert not any("trained on" in line for line in limits(suite) if "network" not in line)
     assert any("judged on the very memory" in line for line in limits(make_suite()))
