@@ -77,7 +77,7 @@ class BoxingEnv(RepertoireEnv):
     ## Arguments
     | argument | default | meaning |
     | --- | --- | --- |
-    | memory | `"half/0"` | name, file, or a `Memory` of the arm joints; `"train"`, `"validation"`, `"test"` draw one per episode |
+    | memory | `"half/0"` | name, file or `Memory`; `"train"`, `"validation"`, `"test"`: drawn per episode |
     | n_actions | 30 | actions in an episode |
     | render_mode | None | `rgb_array` (the last movement at its widest), `rgb_array_list` (a film), `human` |
     | criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |

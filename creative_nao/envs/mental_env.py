@@ -58,8 +58,9 @@ class BoxingMentalEnv(RepertoireEnv):
     `appropriateness_pct`, `novelty` and `diversity` of the repertoire, the paper's three measures.
 
     ## Starting state
-    The repertoire is empty. The task itself has no randomness: one memory and one sequence of PB points, one result. Over
-    a part of the bank of memories, each episode draws its memory; `reset(options={"memory": name})` takes a named one.
+    The repertoire is empty. The task itself has no randomness: one memory and one sequence of PB points, one result.
+    Over a part of the bank of memories, each episode draws its memory; `reset(options={"memory": name})` takes a named
+    one.
 
     ## Episode end
     Truncated after `n_actions` (30) steps; never terminated.
@@ -67,7 +68,7 @@ class BoxingMentalEnv(RepertoireEnv):
     ## Arguments
     | argument | default | meaning |
     | --- | --- | --- |
-    | memory | `"half/0"` | name, file, or a `Memory`; `"train"`, `"validation"`, `"test"` draw one per episode |
+    | memory | `"half/0"` | name, file or `Memory`; `"train"`, `"validation"`, `"test"`: drawn per episode |
     | n_actions | 30 | actions in an episode |
     | render_mode | None | `rgb_array` (the last movement at its widest), `rgb_array_list` (a film), `human` |
     | criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
