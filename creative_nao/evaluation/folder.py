@@ -10,6 +10,7 @@ from typing import Any
 from creative_nao import atomic
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.suites import Suite
+from creative_nao.model.shipped import PRETRAINED, shipped_memories
 from creative_nao.provenance import record, sha256
 
 RECORD = "run.json"
@@ -33,7 +34,7 @@ def open_folder(
         FileFormatError: If the record is damaged.
     """
     settings = json.loads(json.dumps({"suite": dataclasses.asdict(suite), "seed": base_seed}))
-    fresh = record(settings=settings, command=command)
+    fresh = {**record(settings=settings, command=command), "memories": memory_hashes(suite)}
     path = folder / RECORD
     if not resume:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -71,6 +72,16 @@ def write_record(folder: Path, content: dict[str, Any]) -> Path:
     return atomic.write_text(folder / RECORD, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
+def memory_hashes(suite: Suite) -> dict[str, str]:
+    """Return the SHA-256 of each memory's file; names that only an environment knows are left out."""
+    found = {}
+    for name in suite.memories:
+        path = PRETRAINED / f"{name.replace('/', '-')}.safetensors" if name in shipped_memories() else Path(name)
+        if path.is_file():
+            found[name] = sha256(path)
+    return found
+
+
 def hashes(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of every result in a run folder; the jobs' own files and the record are left out."""
     found = sorted(path for path in folder.rglob("*") if path.is_file() and path.relative_to(folder).parts[0] != "jobs")
@@ -92,6 +103,11 @@ def _same_run(folder: Path, found: dict[str, Any], fresh: dict[str, Any]) -> Non
             f"{folder} was started with other settings of suite `{wanted['suite']['name']}` ({', '.join(changed)}); "
             "choose another folder"
         )
+    for name, digest in fresh["memories"].items():
+        if found.get("memories", {}).get(name) != digest:
+            raise SettingsError(
+                f"{folder} was started with another memory {name}: its file has changed since; choose another folder"
+            )
     for package, version in fresh["versions"].items():
         if found["versions"].get(package) != version:
             raise SettingsError(

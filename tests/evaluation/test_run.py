@@ -8,6 +8,7 @@ import shutil
 import pytest
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.evaluation.folder import open_folder
 from creative_nao.evaluation.jobs import plan
 from creative_nao.evaluation.results import MEASURED, collect, read_results
 from creative_nao.evaluation.run import evaluate
@@ -168,6 +169,17 @@ def test_results_of_two_versions_are_not_mixed(finished, make_suite, tmp_path):
     (folder / "run.json").write_text(json.dumps(record))
     with pytest.raises(SettingsError, match=r"was started with numpy 1.0, now it is .*would be mixed"):
         evaluate(make_suite(), folder, seed=3, resume=True)
+
+
+def test_a_memory_that_changed_is_not_mixed_with_itself(make_suite, tmp_path):
+    memory = tmp_path / "memory.safetensors"
+    memory.write_bytes(b"one")
+    suite = make_suite(memories=(str(memory),))
+    open_folder(tmp_path / "run", suite, base_seed=0, resume=False)
+    open_folder(tmp_path / "run", suite, base_seed=0, resume=True)
+    memory.write_bytes(b"two")
+    with pytest.raises(SettingsError, match=r"was started with another memory .*: its file has changed since"):
+        open_folder(tmp_path / "run", suite, base_seed=0, resume=True)
 
 
 def test_a_torn_record_is_named(finished, make_suite, tmp_path):
