@@ -11,7 +11,15 @@ torch is loaded by the reference network only, not by using or training a memory
 from creative_nao.model.campaign import Trained, checkpoint_of, reproduction, train, train_many
 from creative_nao.model.config import NetworkSettings, TrainingSettings
 from creative_nao.model.memory import Memory
-from creative_nao.model.shipped import CONDITIONS, SPLITS, load_memory, shipped_memories, split_memories
+from creative_nao.model.shipped import (
+    CONDITIONS,
+    SPLITS,
+    load_memory,
+    shipped_memories,
+    shipped_scores,
+    split_memories,
+    split_of,
+)
 from creative_nao.model.training import train_network
 
 __all__ = [
@@ -25,7 +33,9 @@ __all__ = [
     "load_memory",
     "reproduction",
     "shipped_memories",
+    "shipped_scores",
     "split_memories",
+    "split_of",
     "train",
     "train_many",
     "train_network",

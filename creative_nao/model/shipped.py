@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
+from typing import Any
 
 from creative_nao.errors import NotFoundError, nearest_name
 from creative_nao.model.memory import Memory
 
 PRETRAINED = Path(__file__).parent / "pretrained"
+SCORES = PRETRAINED / "scores.json"
 CONDITIONS = {"open": 0.0, "half": 0.5, "closed": 1.0}
 """The paper's three closed-loop ratios by name."""
 
@@ -32,6 +35,20 @@ def split_memories(split: str) -> tuple[str, ...]:
     if not names:
         raise NotFoundError(f"no memory of the split `{split}` ships with this installation")
     return names
+
+
+def split_of(name: str) -> str:
+    """Return the part of the bank that a shipped memory such as ``half/0`` belongs to."""
+    seed = int(name.split("/")[1])
+    return next((split for split, seeds in SPLITS.items() if seed in seeds), "none")
+
+
+def shipped_scores() -> dict[str, dict[str, Any]]:
+    """Return the figures of the shipped memories by name, as `creative-nao memories --rescore` wrote them.
+
+    Each has `best_loss`, `worst_reproduction_dtw` [rad], and the figures of the paper's Table I over the 200 x 200 map.
+    """
+    return json.loads(SCORES.read_text(encoding="utf-8"))["memories"] if SCORES.is_file() else {}
 
 
 def shipped_memories() -> tuple[str, ...]:

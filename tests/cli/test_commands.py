@@ -15,7 +15,9 @@ import creative_nao
 from creative_nao import load_memory
 from creative_nao.cli import main
 from creative_nao.cli.dispatch import COMMANDS
+from creative_nao.cli.memories import score_memory
 from creative_nao.demonstrations import load_demonstrations, save_trajectory
+from creative_nao.model import shipped_memories, shipped_scores
 from creative_nao.pb_space import PBMap
 
 
@@ -116,8 +118,18 @@ def test_memories_lists_what_ships(capsys):
     assert main(["memories", "--json"]) == 0
     rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
 
-    assert {"open/0", "half/0", "closed/0"} <= set(rows)
-    assert rows["half/0"]["all_come_back"]
+    assert list(rows) == list(shipped_memories())
+    assert rows["half/0"]["split"] == "train"
+    assert rows["half/0"]["worst_reproduction_dtw"] < 10.0
+
+
+def test_the_shipped_scores_are_those_of_the_shipped_memories():
+    """One memory of each condition is scored again, whole map and all; the scores of each are there."""
+    shipped = shipped_scores()
+
+    assert list(shipped) == list(shipped_memories())
+    for name in ("open/15", "half/7", "closed/0"):
+        assert score_memory(name) == pytest.approx(shipped[name], rel=1e-9)
 
 
 def test_train_writes_a_memory_that_says_how_it_was_made(capsys, tmp_path):
