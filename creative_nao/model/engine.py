@@ -14,8 +14,7 @@ import numpy as np
 
 from creative_nao.errors import TrainingError
 from creative_nao.model.config import NetworkSettings, TrainingSettings
-from creative_nao.model.parameters import initial_vector, layer_time_constants, neighbour_mask, parameter_shapes, views
-from creative_nao.model.targets import target_entropy
+from creative_nao.model.parameters import initial_vector, views
 
 
 @dataclasses.dataclass
@@ -65,50 +64,50 @@ def make_engine(
         TrainingError: (the returned function) If the loss is not finite; the state stays at the last good epoch.
     """
     build = {"fused": _fused_engine, "reference": _reference_engine}[training.engine]
-    step = build(network, training, codes, lengths)
+    run_epochs = build(network, training, codes, lengths)
 
     def advance(state: TrainingState, ratios: np.ndarray) -> None:
-        losses = []
-        for ratio in ratios:
-            before = state.vector.copy()
-            loss = step(state, state.epoch + len(losses) + 1, float(ratio))
-            if not math.isfinite(loss):
-                state.vector = before
-                state.loss_history = np.concatenate([state.loss_history, losses])
-                raise TrainingError(
-                    f"the loss is no longer finite at epoch {state.epoch + 1} "
-                    f"(learning rate {training.learning_rate}); "
-                    f"the best epoch so far is {state.best_epoch} with loss {state.best_loss:.4g}"
-                )
-            if loss < state.best_loss:
-                state.best_loss, state.best_epoch, state.best_vector = loss, state.epoch + len(losses) + 1, before
-            losses.append(loss)
+        done = state.epoch
+        losses, best_epoch = run_epochs(state, ratios)
+        if best_epoch:
+            state.best_epoch, state.best_loss = done + best_epoch, float(losses[best_epoch - 1])
         state.loss_history = np.concatenate([state.loss_history, losses])
+        if len(losses) < len(ratios):
+            raise TrainingError(
+                f"the loss is no longer finite at epoch {state.epoch + 1} "
+                f"(learning rate {training.learning_rate}); "
+                f"the best epoch so far is {state.best_epoch} with loss {state.best_loss:.4g}"
+            )
 
     return advance
 
 
-def _fused_engine(network: NetworkSettings, training: TrainingSettings, codes: np.ndarray, lengths: np.ndarray):
-    from creative_nao.model.fused import adam_step, loss_and_gradient
-
-    shapes = parameter_shapes(network, codes.shape[2], len(codes))
-    mask, rate = neighbour_mask(network), np.float32(1) / layer_time_constants(network)
-    entropy = target_entropy(codes, lengths)
-
-    def step(state: TrainingState, epoch: int, ratio: float) -> float:
-        gradient = np.empty_like(state.vector)
-        number = np.float32(ratio)
-        loss = entropy + loss_and_gradient(
-            *views(state.vector, shapes).values(), mask, rate, codes, lengths, number, network.n_softmax_units,
-            *views(gradient, shapes).values(),
-        )  # fmt: skip
-        adam_step(state.vector, gradient, state.first_moment, state.second_moment, epoch, training.learning_rate)
-        return loss
-
-    return step
+# An engine runs one epoch per ratio, or stops where the loss is not finite. It changes the vectors of the state and
+# returns the losses of the epochs done and which of these is the best so far, counted from 1 (0: none).
+RunEpochs = Callable[[TrainingState, np.ndarray], tuple[np.ndarray, int]]
 
 
-def _reference_engine(network: NetworkSettings, training: TrainingSettings, codes: np.ndarray, lengths: np.ndarray):
+def _fused_engine(
+    network: NetworkSettings, training: TrainingSettings, codes: np.ndarray, lengths: np.ndarray
+) -> RunEpochs:
+    from creative_nao.model.compiled_network import CompiledNetwork
+
+    compiled = CompiledNetwork(network, codes, lengths)
+
+    def run_epochs(state: TrainingState, ratios: np.ndarray) -> tuple[np.ndarray, int]:
+        vectors = [state.vector, state.first_moment, state.second_moment, state.best_vector]
+        vectors, losses, best_epoch = compiled.run_epochs(
+            vectors, ratios, state.epoch, state.best_loss, training.learning_rate
+        )
+        state.vector, state.first_moment, state.second_moment, state.best_vector = vectors
+        return losses, best_epoch
+
+    return run_epochs
+
+
+def _reference_engine(
+    network: NetworkSettings, training: TrainingSettings, codes: np.ndarray, lengths: np.ndarray
+) -> RunEpochs:
     import torch
 
     from creative_nao.model.loss import kl_divergence
@@ -119,7 +118,7 @@ def _reference_engine(network: NetworkSettings, training: TrainingSettings, code
     adam = torch.optim.Adam(net.parameters(), lr=training.learning_rate, betas=(0.9, 0.999), eps=1e-8)
 
     def put(state: TrainingState, epoch: int) -> None:
-        # The state is the only memory between epochs, so that a checkpoint is complete whatever the engine.
+        # The state is the only memory between calls, so that a checkpoint is complete whatever the engine.
         net.load_parameter_vector(state.vector)
         moments = zip(
             views(state.first_moment, net.shapes).items(), views(state.second_moment, net.shapes).values(), strict=True
@@ -131,16 +130,26 @@ def _reference_engine(network: NetworkSettings, training: TrainingSettings, code
                 "exp_avg_sq": torch.from_numpy(second.copy()),
             }
 
-    def step(state: TrainingState, epoch: int, ratio: float) -> float:
-        put(state, epoch)
-        adam.zero_grad()
-        loss = kl_divergence(net(target, ratio), target, steps)
-        loss.backward()
-        adam.step()
+    def take(state: TrainingState) -> None:
         state.vector = net.parameter_vector()
         states = [adam.state[getattr(net, name)] for name in net.shapes]
         state.first_moment = np.concatenate([s["exp_avg"].numpy().ravel() for s in states])
         state.second_moment = np.concatenate([s["exp_avg_sq"].numpy().ravel() for s in states])
-        return float(loss.item())
 
-    return step
+    def run_epochs(state: TrainingState, ratios: np.ndarray) -> tuple[np.ndarray, int]:
+        put(state, state.epoch + 1)
+        losses, best_loss, best_epoch = [], state.best_loss, 0
+        for ratio in ratios:
+            adam.zero_grad()
+            loss = kl_divergence(net(target, float(ratio)), target, steps)
+            if not math.isfinite(loss.item()):
+                break
+            losses.append(loss.item())
+            if losses[-1] < best_loss:
+                best_loss, best_epoch, state.best_vector = losses[-1], len(losses), net.parameter_vector()
+            loss.backward()
+            adam.step()
+        take(state)
+        return np.array(losses), best_epoch
+
+    return run_epochs

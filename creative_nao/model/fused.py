@@ -1,207 +1,287 @@
-"""One training epoch as compiled code with hand-derived gradients: the fast twin of `mtrnn.py` and `loss.py`.
+"""Training epochs as compiled code with hand-derived gradients: the fast twin of `mtrnn.py` and `loss.py`.
 
 Forward and backward pass of backpropagation through time over all actions at once, and the step of Adam.
-`tests/model/test_fused.py` holds both against torch.
+`tests/model/test_fused.py` holds both against torch. `layout` says where each number lies.
 
-Names follow the equations: x is P_I, y the activations of P_F, P_M, P_S (Eq. 3), u their internal states (Eq. 2), o
-the predicted code; da_* is the derivative of the loss with respect to the summed input of a neuron.
+Names follow the equations: a is the summed input of a unit, x = P_I and y the activations of P_F, P_M, P_S (Eq. 3) lie
+side by side in z, u are internal states (Eq. 2), o the predicted code; d_ is a derivative of the loss. Row
+t n_actions + n is action n at tick t: z is what the next tick reads, da belongs to the sums that made the tick.
 """
+
+# pyright: reportOperatorIssue=false, reportCallIssue=false, reportArgumentType=false
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from creative_nao.model.kernels import F, add_product, compiled, exp32, tanh32
+from creative_nao.model.kernels import F, compiled, exp32, log32, tanh32
+from creative_nao.model.product import PANEL, multiply_panel
+from creative_nao.model.vectors import at_least, load8, load16, spread8, spread16, square_root, store, sum_of_lanes
+
+ROWS_AT_ONCE = 96
+"""Rows of z and da that the gradient of the weights takes in one go: what they touch stays in the nearest cache."""
+
+
+class Workspace(NamedTuple):
+    """Arrays of an engine, all flat float32; rows are `layout.row` apart unless said."""
+
+    taught: np.ndarray
+    """Target codes, rows of `n_codes`, zero past an action's end: what is not taught adds nothing to the loss."""
+    weight: np.ndarray
+    """Sum of the target code of each joint, rows of `n_joints`: 1, or 0 past the end."""
+    entropy: np.ndarray
+    """Sum of target log target of each joint, rows of `n_joints`."""
+    rate: np.ndarray
+    """1 / time constant of each column."""
+    real: np.ndarray
+    """1 where the packed vector holds a parameter, else 0."""
+    z: np.ndarray
+    da: np.ndarray
+    o: np.ndarray
+    """Predicted codes, rows of `n_codes`."""
+    a: np.ndarray
+    """Summed inputs of one tick, in the backward pass the derivative of the loss with respect to z."""
+    u: np.ndarray
+    """Internal states, in the backward pass their derivatives."""
+    start: np.ndarray
+    """What a sum begins with: bias and drive of the PB units; a row for each action."""
+    d_start: np.ndarray
+    pb: np.ndarray
+    loss: np.ndarray
+    """Eight lanes in which the loss of one tick is summed."""
+    zeros: np.ndarray
+    """A row of zeros."""
+    w_back: np.ndarray
+    """The panels of the transposed weight matrix."""
+    gradient: np.ndarray
+    """Packed like the parameters."""
 
 
 @compiled()
-def _softmax_groups(a, n_units, out):
-    """Write the softmax of every group of `n_units` values of each row to `out`; return the groups' log sums apart.
-
-    The loss needs log o = a - max - log sum; the last two are returned per group so that no logarithm per unit is
-    taken.
-    """
-    n_rows, n_codes = a.shape
-    n_groups = n_codes // n_units
-    log_sums = np.empty((n_rows, n_groups), np.float32)
-    for n in range(n_rows):
-        for g in range(n_groups):
-            first = g * n_units
-            top = a[n, first]
-            for j in range(1, n_units):
-                top = max(top, a[n, first + j])
-            log_sums[n, g] = top
-            for j in range(n_units):
-                out[n, first + j] = a[n, first + j] - top
-        row = out[n]
-        for i in range(n_codes):
-            row[i] = exp32(row[i])
-        for g in range(n_groups):
-            first = g * n_units
-            total = F(0)
-            for j in range(n_units):
-                total += row[first + j]
-            inverse = F(1) / total
-            for j in range(n_units):
-                row[first + j] *= inverse
-            log_sums[n, g] += F(math.log(total))
-    return log_sums
+def _begin(lay, work, vector):
+    """Compute PB activations (Eq. 1), what each sum begins with, and the transposed weights."""
+    for n in range(lay.n_actions):
+        for j in range(lay.n_pb):
+            work.pb[n * lay.n_pb + j] = tanh32(vector[lay.rho + n * lay.n_pb + j])
+        for c in range(0, lay.width, 16):
+            total = load16(vector, lay.bias + c)
+            for j in range(lay.n_pb):
+                total = total + load16(vector, lay.w_pb + j * lay.width + c) * work.pb[n * lay.n_pb + j]
+            store(total, work.start, n * lay.row + c)
+    for panel in range(lay.low.size):
+        first = panel * PANEL
+        for sender in range(lay.low[panel], lay.high[panel]):
+            other = sender // PANEL
+            low = lay.low[other]
+            begin, end = max(first, low), min(first + PANEL, lay.high[other])
+            source = lay.place[panel] + (sender - lay.low[panel]) * PANEL - first
+            target = lay.place[other] + sender - other * PANEL
+            for receiver in range(begin, end):
+                work.w_back[target + (receiver - low) * PANEL] = vector[source + receiver]
 
 
 @compiled()
-def loss_and_gradient(
-    w_in, w_out, w_hidden, w_pb, b_out, b_hidden, rho, mask, rate, codes, lengths, ratio, n_units,
-    g_in, g_out, g_hidden, g_pb, g_bout, g_bhidden, g_rho,
-):  # fmt: skip
-    """Return the loss of Eq. 4 and write its gradient into the g_ arrays.
+def _predict(lay, work, n, row, ratio):
+    """Turn the sums of action n into the predicted code (Eq. 3), its loss (Eq. 4) and the next input (Eq. 5)."""
+    step, n_codes, open_share = lay.n_joints, lay.n_codes, F(1) - ratio
+    for first in range(0, step, 8):  # eight joints; the softmax units of one are `step` columns apart
+        a, z, code = n * lay.row + first, row * lay.row + first, row * n_codes + first
+        top = load8(work.a, a)
+        expected = load8(work.taught, code) * top
+        for c in range(step, n_codes, step):
+            value = load8(work.a, a + c)
+            top = at_least(top, value)
+            expected = expected + load8(work.taught, code + c) * value
+        total = spread8(F(0))
+        for c in range(0, n_codes, step):
+            power = exp32(load8(work.a, a + c) - top)
+            store(power, work.a, a + c)
+            total = total + power
+        weight = load8(work.weight, row * step + first)
+        divergence = load8(work.entropy, row * step + first) + weight * (top + log32(total)) - expected
+        store(load8(work.loss, 0) + divergence, work.loss, 0)
+        inverse = spread8(F(1)) / total
+        for c in range(0, n_codes, step):
+            o, target = load8(work.a, a + c) * inverse, load8(work.taught, code + c)
+            store(o, work.o, code + c)
+            store(o * ratio + target * open_share, work.z, z + c)
+            store(o * weight - target, work.da, z + c)
 
-    Args:
-        w_in, w_out, w_hidden, w_pb, b_out, b_hidden, rho: Parameters, shapes as in `parameters.parameter_shapes`,
-            float32.
-        mask: (n_hidden, n_hidden), zero where layers are not neighbours.
-        rate: 1 / time constant of every hidden neuron, (n_hidden,).
-        codes: Target codes, (n_actions, longest, n_codes), positive.
-        lengths: Number of steps of each action, (n_actions,).
-        ratio: Closed-loop ratio.
-        n_units: Softmax units per joint.
-        g_in, g_out, g_hidden, g_pb, g_bout, g_bhidden, g_rho: Where the gradient goes, shaped like the parameters.
-    """
-    n_actions, n_steps, n_codes = codes.shape
-    n_hidden, n_fast = w_hidden.shape[0], w_in.shape[1]
-    open_share = F(1) - ratio
 
-    pb = np.tanh(rho)
-    drive = np.zeros((n_actions, n_hidden), np.float32)
-    for n in range(n_actions):
-        drive[n] = b_hidden
-    add_product(pb, w_pb, drive)
-
-    # Forward. y[t] and x[t] are what tick t + 1 reads; o[0] is unused.
-    x = np.empty((n_steps, n_actions, n_codes), np.float32)
-    o = np.empty((n_steps, n_actions, n_codes), np.float32)
-    y = np.zeros((n_steps, n_actions, n_hidden), np.float32)
-    u = np.zeros((n_actions, n_hidden), np.float32)
-    a_out = np.empty((n_actions, n_codes), np.float32)
-    a_hidden = np.empty((n_actions, n_hidden), np.float32)
-    a_fast = np.empty((n_actions, n_fast), np.float32)
+@compiled()
+def _forward(lay, work, vector, ratio):
+    """Run the network over all ticks and return the loss; leaves the loss's own part of `da` of the outputs."""
+    n_steps = work.taught.size // (lay.n_actions * lay.n_codes)
+    for n in range(lay.n_actions):
+        for c in range(0, lay.n_codes, 8):
+            store(load8(work.taught, n * lay.n_codes + c), work.z, n * lay.row + c)
+    work.u[:] = F(0)
     loss = 0.0
-    for n in range(n_actions):
-        x[0, n] = codes[n, 0]
     for t in range(1, n_steps):
-        for n in range(n_actions):
-            a_out[n] = b_out
-            a_hidden[n] = drive[n]
-        a_fast[:] = F(0)
-        add_product(y[t - 1, :, :n_fast], w_out, a_out)
-        add_product(y[t - 1], w_hidden, a_hidden)
-        add_product(x[t - 1], w_in, a_fast)
-        log_sums = _softmax_groups(a_out, n_units, o[t])
-        for n in range(n_actions):
-            if t < lengths[n]:
-                for i in range(n_codes):  # the part of -sum target log o without the sums' logarithms
-                    loss -= codes[n, t, i] * a_out[n, i]
-                for g in range(log_sums.shape[1]):
-                    weight = F(0)
-                    for j in range(n_units):
-                        weight += codes[n, t, g * n_units + j]
-                    loss += weight * log_sums[n, g]
-            for i in range(n_codes):
-                x[t, n, i] = ratio * o[t, n, i] + open_share * codes[n, t, i]
-            for i in range(n_fast):
-                a_hidden[n, i] += a_fast[n, i]
-            for i in range(n_hidden):
-                u[n, i] = (F(1) - rate[i]) * u[n, i] + rate[i] * a_hidden[n, i]
-            for i in range(n_hidden):
-                y[t, n, i] = tanh32(u[n, i])
-
-    # Backward. Transposed weights once, so that the same product with contiguous rows serves.
-    w_in_t, w_out_t = np.ascontiguousarray(w_in.T), np.ascontiguousarray(w_out.T)
-    w_hidden_t = np.ascontiguousarray(w_hidden.T)
-    da_out = np.zeros((n_steps, n_actions, n_codes), np.float32)
-    da_hidden = np.zeros((n_steps, n_actions, n_hidden), np.float32)
-    da_fast = np.zeros((n_steps, n_actions, n_fast), np.float32)
-    du = np.zeros((n_actions, n_hidden), np.float32)
-    dy = np.zeros((n_actions, n_hidden), np.float32)
-    dx = np.zeros((n_actions, n_codes), np.float32)
-    dy_fast = np.zeros((n_actions, n_fast), np.float32)
-    for t in range(n_steps - 1, 0, -1):
-        for n in range(n_actions):
-            for i in range(n_hidden):
-                v = du[n, i] + dy[n, i] * (F(1) - y[t, n, i] * y[t, n, i])
-                da_hidden[t, n, i] = v * rate[i]
-                du[n, i] = v * (F(1) - rate[i])
-            for i in range(n_fast):
-                da_fast[t, n, i] = da_hidden[t, n, i]
-            for g in range(n_codes // n_units):
-                first = g * n_units
-                inner = F(0)
-                for j in range(n_units):
-                    inner += dx[n, first + j] * o[t, n, first + j]
-                for j in range(n_units):
-                    i = first + j
-                    da_out[t, n, i] = ratio * o[t, n, i] * (dx[n, i] - inner)
-            if t < lengths[n]:
-                for g in range(n_codes // n_units):
-                    first = g * n_units
-                    weight = F(0)
-                    for j in range(n_units):
-                        weight += codes[n, t, first + j]
-                    for j in range(n_units):
-                        i = first + j
-                        da_out[t, n, i] += weight * o[t, n, i] - codes[n, t, i]
-        dy[:] = F(0)
-        dy_fast[:] = F(0)
-        dx[:] = F(0)
-        add_product(da_hidden[t], w_hidden_t, dy)
-        add_product(da_out[t], w_out_t, dy_fast)
-        add_product(da_fast[t], w_in_t, dx)
-        for n in range(n_actions):
-            for i in range(n_fast):
-                dy[n, i] += dy_fast[n, i]
-
-    # All weight gradients in one product each: rows are (tick, action) pairs.
-    n_rows = (n_steps - 1) * n_actions
-    y_before = y[:-1].reshape(n_rows, n_hidden)
-    g_in[:] = F(0)
-    g_out[:] = F(0)
-    g_hidden[:] = F(0)
-    rows_out, rows_hidden = da_out[1:].reshape(n_rows, n_codes), da_hidden[1:].reshape(n_rows, n_hidden)
-    add_product(np.ascontiguousarray(x[:-1].reshape(n_rows, n_codes).T), da_fast[1:].reshape(n_rows, n_fast), g_in)
-    y_before_t = np.ascontiguousarray(y_before.T)
-    add_product(y_before_t[:n_fast], rows_out, g_out)
-    add_product(y_before_t, rows_hidden, g_hidden)
-    g_hidden *= mask
-    g_bout[:] = F(0)
-    g_drive = np.zeros((n_actions, n_hidden), np.float32)
-    for r in range(n_rows):
-        for i in range(n_codes):
-            g_bout[i] += rows_out[r, i]
-        for i in range(n_hidden):
-            g_drive[r % n_actions, i] += rows_hidden[r, i]
-    g_bhidden[:] = F(0)
-    for n in range(n_actions):
-        for i in range(n_hidden):
-            g_bhidden[i] += g_drive[n, i]
-    g_pb[:] = F(0)
-    add_product(np.ascontiguousarray(pb.T), g_drive, g_pb)
-    g_rho[:] = F(0)
-    add_product(g_drive, np.ascontiguousarray(w_pb.T), g_rho)
-    for n in range(n_actions):
-        for j in range(rho.shape[1]):
-            g_rho[n, j] *= F(1) - pb[n, j] * pb[n, j]
+        before = (t - 1) * lay.n_actions * lay.row
+        for p in range(lay.low.size):
+            multiply_panel(
+                work.z, before + lay.low[p], lay.row, 1, vector, lay.place[p], PANEL, lay.high[p] - lay.low[p],
+                work.start, p * PANEL, lay.row, work.a, p * PANEL, lay.row, lay.n_actions,
+            )  # fmt: skip
+        work.loss[:] = F(0)
+        for n in range(lay.n_actions):
+            row = t * lay.n_actions + n
+            _predict(lay, work, n, row, ratio)
+            for c in range(lay.first_hidden, lay.width, 16):
+                rate, at = load16(work.rate, c), n * lay.row + c
+                u = (F(1) - rate) * load16(work.u, at) + rate * load16(work.a, at)  # Eq. 2
+                store(u, work.u, at)
+                store(tanh32(u), work.z, row * lay.row + c)
+        for lane in range(8):
+            loss += work.loss[lane]
     return loss
 
 
 @compiled()
-def adam_step(vector, gradient, first, second, epoch, learning_rate):
-    """Move `vector` one step of Adam (betas 0.9 and 0.999, epsilon 1e-8); `epoch` counts from 1."""
-    correction1 = 1.0 - 0.9**epoch
-    correction2 = math.sqrt(1.0 - 0.999**epoch)
-    step = F(learning_rate / correction1)
-    inverse = F(1.0 / correction2)
-    for i in range(vector.size):
-        first[i] = F(0.9) * first[i] + F(0.1) * gradient[i]
-        second[i] = F(0.999) * second[i] + F(0.001) * gradient[i] * gradient[i]
-        vector[i] -= step * first[i] / (np.sqrt(second[i]) * inverse + F(1e-8))
+def _backward_codes(lay, work, n, row, ratio):
+    """Add to `da` what a prediction does as the next input, through the softmax."""
+    step = lay.n_joints
+    for first in range(0, step, 8):
+        dx, z, code = n * lay.row + first, row * lay.row + first, row * lay.n_codes + first
+        inner = spread8(F(0))
+        for c in range(0, lay.n_codes, step):
+            inner = inner + load8(work.a, dx + c) * load8(work.o, code + c)
+        for c in range(0, lay.n_codes, step):
+            through = load8(work.o, code + c) * (load8(work.a, dx + c) - inner) * ratio
+            store(load8(work.da, z + c) + through, work.da, z + c)
+
+
+@compiled()
+def _backward(lay, work, ratio):
+    """Run back through the ticks: fills `da`, and in `d_start` its sum over the ticks."""
+    n_steps = work.taught.size // (lay.n_actions * lay.n_codes)
+    work.a[:] = F(0)
+    work.u[:] = F(0)
+    work.d_start[:] = F(0)
+    feeds_back = ratio != F(0)
+    first_panel = 0 if feeds_back else lay.first_hidden // PANEL  # an open loop needs no derivative of its input
+    for t in range(n_steps - 1, 0, -1):
+        for n in range(lay.n_actions):
+            row = t * lay.n_actions + n
+            if feeds_back:
+                _backward_codes(lay, work, n, row, ratio)
+            for c in range(lay.first_hidden, lay.width, 16):
+                rate, at = load16(work.rate, c), n * lay.row + c
+                y = load16(work.z, row * lay.row + c)
+                du = load16(work.u, at) + load16(work.a, at) * (F(1) - y * y)
+                da = du * rate
+                store(da, work.da, row * lay.row + c)
+                store(du - da, work.u, at)
+            for c in range(0, lay.width, 16):
+                at = n * lay.row + c
+                store(load16(work.d_start, at) + load16(work.da, row * lay.row + c), work.d_start, at)
+        for p in range(first_panel, lay.low.size if t > 1 else 0):
+            multiply_panel(
+                work.da, t * lay.n_actions * lay.row + lay.low[p], lay.row, 1,
+                work.w_back, lay.place[p], PANEL, lay.high[p] - lay.low[p],
+                work.zeros, 0, 0, work.a, p * PANEL, lay.row, lay.n_actions,
+            )  # fmt: skip
+
+
+@compiled()
+def _weight_gradient(lay, work):
+    """Multiply what the senders said with what the receivers should have heard, over all ticks and actions."""
+    n_rows = work.taught.size // lay.n_codes - lay.n_actions
+    for first in range(0, n_rows, ROWS_AT_ONCE):
+        count = min(ROWS_AT_ONCE, n_rows - first)
+        for p in range(lay.low.size):
+            start, start_row = (work.zeros, 0) if first == 0 else (work.gradient, PANEL)
+            multiply_panel(
+                work.z, first * lay.row + lay.low[p], 1, lay.row,
+                work.da, (first + lay.n_actions) * lay.row + p * PANEL, lay.row, count,
+                start, 0 if first == 0 else lay.place[p], start_row,
+                work.gradient, lay.place[p], PANEL, lay.high[p] - lay.low[p],
+            )  # fmt: skip
+
+
+@compiled()
+def _bias_gradient(lay, work, vector):
+    """Lead the derivative of what sums begin with to the biases, PB weights and rho."""
+    for c in range(0, lay.width, 16):
+        total = load16(work.d_start, c)
+        for n in range(1, lay.n_actions):
+            total = total + load16(work.d_start, n * lay.row + c)
+        store(total, work.gradient, lay.bias + c)
+        for j in range(lay.n_pb):
+            total = load16(work.d_start, c) * work.pb[j]
+            for n in range(1, lay.n_actions):
+                total = total + load16(work.d_start, n * lay.row + c) * work.pb[n * lay.n_pb + j]
+            store(total, work.gradient, lay.w_pb + j * lay.width + c)
+    for n in range(lay.n_actions):
+        for j in range(lay.n_pb):
+            total = spread16(F(0))
+            for c in range(0, lay.width, 16):
+                total = total + load16(work.d_start, n * lay.row + c) * load16(vector, lay.w_pb + j * lay.width + c)
+            pb = work.pb[n * lay.n_pb + j]
+            work.gradient[lay.rho + n * lay.n_pb + j] = sum_of_lanes(total) * (F(1) - pb * pb)
+
+
+@compiled()
+def loss_and_gradient(lay, work, vector, ratio):
+    """Return the loss of Eq. 4 for packed parameters and leave its gradient in `work.gradient`.
+
+    What the gradient says of elements that stand for no parameter means nothing.
+    """
+    _begin(lay, work, vector)
+    loss = _forward(lay, work, vector, ratio)
+    _backward(lay, work, ratio)
+    _weight_gradient(lay, work)
+    _bias_gradient(lay, work, vector)
+    return loss
+
+
+@compiled()
+def adam_step(vector, gradient, real, first, second, epoch, learning_rate):
+    """Move `vector` one step of Adam (betas 0.9 and 0.999, epsilon 1e-8); `epoch` counts from 1.
+
+    All arrays have the same length, a multiple of 16; the gradient counts where `real` is 1, not where it is 0.
+    """
+    step = F(learning_rate / (1.0 - 0.9**epoch))
+    inverse = F(1.0 / math.sqrt(1.0 - 0.999**epoch))
+    for i in range(0, vector.size, 16):
+        g = load16(gradient, i) * load16(real, i)
+        m = load16(first, i) * F(0.9) + g * F(0.1)
+        v = load16(second, i) * F(0.999) + g * g * F(0.001)
+        store(m, first, i)
+        store(v, second, i)
+        store(load16(vector, i) - m * step / (square_root(v) * inverse + F(1e-8)), vector, i)
+
+
+@compiled()
+def run_epochs(lay, work, vector, first, second, best, ratios, losses, epoch, best_loss, learning_rate):
+    """Train for one epoch per closed-loop ratio, or until the loss is not finite.
+
+    Args:
+        lay, work: Sizes and arrays.
+        vector, first, second: Packed parameters and Adam's moments, changed in place.
+        best: Packed parameters of the epoch with the lowest loss, replaced when a lower one comes.
+        ratios: Closed-loop ratios, float32.
+        losses: Where the losses go; that of an epoch is the loss of the parameters before its step.
+        epoch: Epochs done before.
+        best_loss: Lowest loss before.
+        learning_rate: Step size.
+
+    Returns:
+        Epochs done, the best of them counted from 1 (0 if none is better), and the lowest loss. When it is less than
+        asked for, nothing has changed in the epoch whose loss is not finite.
+    """
+    best_epoch = 0
+    for i in range(ratios.size):
+        loss = loss_and_gradient(lay, work, vector, ratios[i])
+        if not math.isfinite(loss):
+            return i, best_epoch, best_loss
+        losses[i] = loss
+        if loss < best_loss:
+            best_loss, best_epoch = loss, i + 1
+            best[:] = vector
+        adam_step(vector, work.gradient, work.real, first, second, epoch + i + 1, learning_rate)
+    return ratios.size, best_epoch, best_loss

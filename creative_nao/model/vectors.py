@@ -1,0 +1,225 @@
+"""SIMD vectors of float32 inside compiled code: what one instruction works on, written down instead of hoped for.
+
+The compiler turns a plain loop into SIMD instructions only when it can prove enough about it, and numbers that are left
+over at its end are computed one by one. A `Vector` is a fixed number of lanes in a register: it can be loaded from an
+array, added, multiplied and stored. LLVM splits vectors that are wider than the machine's.
+
+The functions that are not about memory take a plain float32 as well, so that a formula is written once for both.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, models, overload, register_model
+
+FLOAT = ir.FloatType()
+CONTRACT = ("contract",)  # a product and a sum may become one instruction
+
+
+class Vector(types.Type):
+    """A numba type: `n_lanes` float32 numbers in a register."""
+
+    def __init__(self, n_lanes: int) -> None:
+        self.n_lanes = n_lanes
+        super().__init__(name=f"Vector({n_lanes})")
+
+
+@register_model(Vector)
+class _VectorModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, front_end_type: Vector) -> None:
+        super().__init__(manager, front_end_type, ir.VectorType(FLOAT, front_end_type.n_lanes))
+
+
+def spread(builder: ir.IRBuilder, scalar: ir.Value, n_lanes: int) -> ir.Value:
+    """Emit a vector that holds `scalar` in every lane."""
+    empty = ir.Constant(ir.VectorType(FLOAT, n_lanes), ir.Undefined)
+    first = builder.insert_element(empty, scalar, ir.Constant(ir.IntType(32), 0))
+    zeros = ir.Constant(ir.VectorType(ir.IntType(32), n_lanes), None)
+    return builder.shuffle_vector(first, empty, zeros)
+
+
+def constant(kind: ir.Type, value: float) -> ir.Constant:
+    """Return `value` as a constant of a float type, in every lane if it is a vector type."""
+    return ir.Constant(kind, [value] * kind.count if isinstance(kind, ir.VectorType) else value)
+
+
+def call_llvm(builder: ir.IRBuilder, name: str, kind: ir.Type, *arguments: ir.Value) -> ir.Value:
+    """Emit a call of an LLVM intrinsic whose arguments and result are all of type `kind`."""
+    suffix = f"v{kind.count}f32" if isinstance(kind, ir.VectorType) else "f32"
+    function_type = ir.FunctionType(kind, [kind] * len(arguments))
+    return builder.call(cgutils.get_or_insert_function(builder.module, function_type, f"{name}.{suffix}"), arguments)
+
+
+def element_pointer(context: Any, builder: ir.IRBuilder, array_type: Any, array: ir.Value, at_type: Any, at: ir.Value):
+    """Emit the address of element `at` of a contiguous array, counted through all its rows. No bounds check."""
+    data = context.make_array(array_type)(context, builder, array).data
+    return builder.gep(data, [context.cast(builder, at, at_type, types.intp)])
+
+
+def _loader(n_lanes: int) -> Any:
+    @intrinsic
+    def load(typing_context, array, at):
+        def generate(context, builder, signature, arguments):
+            address = element_pointer(context, builder, array, arguments[0], at, arguments[1])
+            pointer = builder.bitcast(address, ir.VectorType(FLOAT, n_lanes).as_pointer())
+            return builder.load(pointer, align=4)
+
+        return Vector(n_lanes)(array, at), generate
+
+    return load
+
+
+load8 = _loader(8)
+load16 = _loader(16)
+
+
+@intrinsic
+def store(typing_context, vector, array, at):
+    """Write a vector to `array[at]` and the elements behind it."""
+
+    def generate(context, builder, signature, arguments):
+        address = element_pointer(context, builder, array, arguments[1], at, arguments[2])
+        pointer = builder.bitcast(address, arguments[0].type.as_pointer())
+        builder.store(arguments[0], pointer, align=4)
+        return context.get_dummy_value()
+
+    return types.void(vector, array, at), generate
+
+
+def _spreader(n_lanes: int) -> Any:
+    @intrinsic
+    def spread_scalar(typing_context, scalar):
+        def generate(context, builder, signature, arguments):
+            return spread(builder, context.cast(builder, arguments[0], scalar, types.float32), n_lanes)
+
+        return Vector(n_lanes)(scalar), generate
+
+    return spread_scalar
+
+
+spread8 = _spreader(8)
+spread16 = _spreader(16)
+
+
+def _arithmetic(instruction: str) -> Any:
+    """Return an intrinsic for one instruction on two numbers, of which at least one is a vector."""
+
+    @intrinsic
+    def operate(typing_context, left, right):
+        result = left if isinstance(left, Vector) else right
+
+        def generate(context, builder, signature, arguments):
+            sides = []
+            for value, kind in zip(arguments, signature.args, strict=True):
+                if not isinstance(kind, Vector):
+                    value = spread(builder, context.cast(builder, value, kind, types.float32), result.n_lanes)
+                sides.append(value)
+            return getattr(builder, instruction)(*sides, flags=CONTRACT)
+
+        return result(left, right), generate
+
+    return operate
+
+
+def _define(symbol: Any, instruction: str) -> None:
+    operate = _arithmetic(instruction)
+
+    @overload(symbol, inline="always")
+    def define(left, right):
+        if isinstance(left, Vector) or isinstance(right, Vector):
+            return lambda left, right: operate(left, right)
+        return None
+
+
+for _symbol, _instruction in [
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+]:
+    _define(_symbol, _instruction)
+
+
+def _chooser(comparison: str) -> Any:
+    @intrinsic
+    def choose(typing_context, value, bound):
+        def generate(context, builder, signature, arguments):
+            mine, other = arguments
+            if isinstance(value, Vector) and not isinstance(bound, Vector):
+                other = spread(builder, context.cast(builder, other, bound, types.float32), value.n_lanes)
+            beyond = builder.fcmp_ordered(comparison, mine, other)
+            return builder.select(beyond, other, mine)
+
+        return value(value, bound), generate
+
+    return choose
+
+
+at_least = _chooser("<")  # the larger of value and bound; a value that is not a number stays so
+at_most = _chooser(">")
+
+
+def _unary(name: str) -> Any:
+    @intrinsic
+    def apply(typing_context, value):
+        def generate(context, builder, signature, arguments):
+            return call_llvm(builder, name, arguments[0].type, arguments[0])
+
+        return value(value), generate
+
+    return apply
+
+
+round_down = _unary("llvm.floor")
+square_root = _unary("llvm.sqrt")
+
+
+def _integers(kind: ir.Type) -> tuple[ir.Type, Any]:
+    """Return the int32 type that matches a float type, and how to make constants of it."""
+    whole = ir.VectorType(ir.IntType(32), kind.count) if isinstance(kind, ir.VectorType) else ir.IntType(32)
+    return whole, lambda value: constant(whole, value)
+
+
+@intrinsic
+def two_to_the(typing_context, exponent):
+    """Return 2^exponent for whole exponents from -126 to 127, by writing the exponent's bits."""
+
+    def generate(context, builder, signature, arguments):
+        whole, number = _integers(arguments[0].type)
+        biased = builder.add(builder.fptosi(arguments[0], whole), number(127))
+        return builder.bitcast(builder.shl(biased, number(23)), arguments[0].type)
+
+    return exponent(exponent), generate
+
+
+_HALF_ROOT = 0x3F3504F3  # bits of sqrt(1/2): mantissas are taken from [sqrt(1/2), sqrt(2))
+
+
+@intrinsic
+def exponent_of(typing_context, value):
+    """Return the whole number e of value = m 2^e, m in [sqrt(1/2), sqrt(2)), value positive and normal."""
+
+    def generate(context, builder, signature, arguments):
+        whole, number = _integers(arguments[0].type)
+        bits = builder.sub(builder.bitcast(arguments[0], whole), number(_HALF_ROOT))
+        return builder.sitofp(builder.ashr(bits, number(23)), arguments[0].type)
+
+    return value(value), generate
+
+
+@intrinsic
+def sum_of_lanes(typing_context, vector):
+    """Return the sum of all lanes, added one after the other."""
+
+    def generate(context, builder, signature, arguments):
+        total = builder.extract_element(arguments[0], ir.Constant(ir.IntType(32), 0))
+        for lane in range(1, vector.n_lanes):
+            total = builder.fadd(total, builder.extract_element(arguments[0], ir.Constant(ir.IntType(32), lane)))
+        return total
+
+    return types.float32(vector), generate
