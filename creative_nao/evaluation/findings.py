@@ -58,14 +58,19 @@ def limits(suite: Suite) -> list[str]:
             f"{suite.n_seeds} seeds are few. The intervals are widened for that, but they speak of other seeds, not of "
             "other memories."
         )
+    if {"supervised", "random"} <= set(suite.agents):
+        lines.append(
+            "supervised and random both draw evenly from the whole map, one on a fine grid, the other between its points "
+            "too: what separates them is chance, and shows how far such figures can be trusted."
+        )
     if len(suite.memories) == 1:
         lines.append(
             f"One memory, {suite.memories[0]}: another network trained on the same actions has another map, "
             "and figures of its own."
         )
     lines.append(
-        "The oracle is greedy: no search that looks one step ahead earns more at any step, but some other set of "
-        f"actions may earn more in all. It chooses from {suite.resolution} x {suite.resolution} points, "
+        "The oracle is greedy: it takes the best next action every time, and some other set of actions may earn more "
+        f"in all. It chooses from {suite.resolution} x {suite.resolution} points, "
         "agents from all between them too."
     )
     lines.append(

@@ -23,7 +23,7 @@ CAPTIONS = {
     "reward": (
         "Reward of each agent",
         "The large marker is the mean over seeds, the bar its 95 % interval, each small dot one seed. The dotted line "
-        "is the oracle, the most that a search could hope for; in physics there is none, because the robot would have "
+        "is the oracle, which knows the whole map beforehand; in physics there is none, because the robot would have "
         "to perform every action of the map.",
     ),
     "cumulative": (
