@@ -60,8 +60,8 @@ def limits(suite: Suite) -> list[str]:
         )
     if {"supervised", "random"} <= set(suite.agents):
         lines.append(
-            "supervised and random both draw evenly from the whole map, one on a fine grid, the other between its points "
-            "too: what separates them is chance, and shows how far such figures can be trusted."
+            "supervised and random both draw evenly from the whole map, one on a fine grid, one between its points: "
+            "what separates them is chance, and shows how far such figures can be trusted."
         )
     if len(suite.memories) == 1:
         lines.append(
