@@ -48,7 +48,6 @@ class CompiledNetwork:
             start=aligned(few),
             d_start=aligned(few),
             pb=aligned(n_actions * lay.n_pb),
-            loss=aligned(8),
             zeros=aligned(lines),
             w_back=aligned(lay.bias),
             gradient=aligned(lay.size),
@@ -91,8 +90,8 @@ class CompiledNetwork:
         packed = [self._packing.pack(vector) for vector in vectors]
         losses = np.empty(len(ratios))
         n_done, best_epoch, _ = fused.run_epochs(
-            self.layout, self._work, *packed, np.ascontiguousarray(ratios, np.float32), losses, epoch, best_loss,
-            learning_rate,
+            self.layout, self._work, *packed, np.ascontiguousarray(ratios, np.float32), losses, epoch,
+            float(best_loss), float(learning_rate),
         )  # fmt: skip
         new = [self._packing.unpack(p, vector) for p, vector in zip(packed, vectors, strict=True)]
         return new, losses[:n_done], best_epoch

@@ -18,8 +18,18 @@ from typing import NamedTuple
 import numpy as np
 
 from creative_nao.model.kernels import F, compiled, exp32, log32, tanh32
-from creative_nao.model.product import PANEL, multiply_panel
-from creative_nao.model.vectors import at_least, load8, load16, spread8, spread16, square_root, store, sum_of_lanes
+from creative_nao.model.product import PANEL, multiply_panel, multiply_panels
+from creative_nao.model.vectors import (
+    at_least,
+    load8,
+    load16,
+    spread8,
+    spread16,
+    square_root,
+    store,
+    sum_of_lanes,
+    transpose8,
+)
 
 ROWS_AT_ONCE = 96
 """Rows of z and da that the gradient of the weights takes in one go: what they touch stays in the nearest cache."""
@@ -50,14 +60,19 @@ class Workspace(NamedTuple):
     """What a sum begins with: bias and drive of the PB units; a row for each action."""
     d_start: np.ndarray
     pb: np.ndarray
-    loss: np.ndarray
-    """Eight lanes in which the loss of one tick is summed."""
     zeros: np.ndarray
-    """A row of zeros."""
+    """One row."""
     w_back: np.ndarray
     """The panels of the transposed weight matrix."""
     gradient: np.ndarray
     """Packed like the parameters."""
+
+
+@compiled(inline="always")
+def _clear(array):
+    """Write zeros; assigning to a slice would take longer to compile."""
+    for i in range(0, array.size, 16):
+        store(spread16(F(0)), array, i)
 
 
 @compiled()
@@ -72,43 +87,43 @@ def _begin(lay, work, vector):
                 total = total + load16(vector, lay.w_pb + j * lay.width + c) * work.pb[n * lay.n_pb + j]
             store(total, work.start, n * lay.row + c)
     for panel in range(lay.low.size):
-        first = panel * PANEL
-        for sender in range(lay.low[panel], lay.high[panel]):
-            other = sender // PANEL
-            low = lay.low[other]
-            begin, end = max(first, low), min(first + PANEL, lay.high[other])
-            source = lay.place[panel] + (sender - lay.low[panel]) * PANEL - first
-            target = lay.place[other] + sender - other * PANEL
-            for receiver in range(begin, end):
-                work.w_back[target + (receiver - low) * PANEL] = vector[source + receiver]
+        for sender in range(lay.low[panel], lay.high[panel], 8):
+            other, source = sender // PANEL, lay.place[panel] + (sender - lay.low[panel]) * PANEL
+            target = lay.place[other] + sender % PANEL - lay.low[other] * PANEL
+            begin, end = max(panel * PANEL, lay.low[other]), min((panel + 1) * PANEL, lay.high[other])
+            for receiver in range(begin, end, 8):
+                transpose8(vector, source + receiver % PANEL, PANEL, work.w_back, target + receiver * PANEL, PANEL)
 
 
 @compiled()
-def _predict(lay, work, n, row, ratio):
-    """Turn the sums of action n into the predicted code (Eq. 3), its loss (Eq. 4) and the next input (Eq. 5)."""
+def _predict(lay, work, t, ratio):
+    """Turn the sums of tick t into the predicted codes (Eq. 3), their loss (Eq. 4) and the next input (Eq. 5)."""
     step, n_codes, open_share = lay.n_joints, lay.n_codes, F(1) - ratio
-    for first in range(0, step, 8):  # eight joints; the softmax units of one are `step` columns apart
-        a, z, code = n * lay.row + first, row * lay.row + first, row * n_codes + first
-        top = load8(work.a, a)
-        expected = load8(work.taught, code) * top
-        for c in range(step, n_codes, step):
-            value = load8(work.a, a + c)
-            top = at_least(top, value)
-            expected = expected + load8(work.taught, code + c) * value
-        total = spread8(F(0))
-        for c in range(0, n_codes, step):
-            power = exp32(load8(work.a, a + c) - top)
-            store(power, work.a, a + c)
-            total = total + power
-        weight = load8(work.weight, row * step + first)
-        divergence = load8(work.entropy, row * step + first) + weight * (top + log32(total)) - expected
-        store(load8(work.loss, 0) + divergence, work.loss, 0)
-        inverse = spread8(F(1)) / total
-        for c in range(0, n_codes, step):
-            o, target = load8(work.a, a + c) * inverse, load8(work.taught, code + c)
-            store(o, work.o, code + c)
-            store(o * ratio + target * open_share, work.z, z + c)
-            store(o * weight - target, work.da, z + c)
+    loss = spread8(F(0))
+    for n in range(lay.n_actions):
+        row = t * lay.n_actions + n
+        for first in range(0, step, 8):  # eight joints; the softmax units of one are `step` columns apart
+            a, z, code = n * lay.row + first, row * lay.row + first, row * n_codes + first
+            top = load8(work.a, a)
+            expected = load8(work.taught, code) * top
+            for c in range(step, n_codes, step):
+                value = load8(work.a, a + c)
+                top = at_least(top, value)
+                expected = expected + load8(work.taught, code + c) * value
+            total = spread8(F(0))
+            for c in range(0, n_codes, step):
+                power = exp32(load8(work.a, a + c) - top)
+                store(power, work.a, a + c)
+                total = total + power
+            weight = load8(work.weight, row * step + first)
+            loss = loss + (load8(work.entropy, row * step + first) + weight * (top + log32(total)) - expected)
+            inverse = spread8(F(1)) / total
+            for c in range(0, n_codes, step):
+                o, target = load8(work.a, a + c) * inverse, load8(work.taught, code + c)
+                store(o, work.o, code + c)
+                store(o * ratio + target * open_share, work.z, z + c)
+                store(o * weight - target, work.da, z + c)
+    return sum_of_lanes(loss)
 
 
 @compiled()
@@ -118,57 +133,51 @@ def _forward(lay, work, vector, ratio):
     for n in range(lay.n_actions):
         for c in range(0, lay.n_codes, 8):
             store(load8(work.taught, n * lay.n_codes + c), work.z, n * lay.row + c)
-    work.u[:] = F(0)
+    _clear(work.u)
     loss = 0.0
     for t in range(1, n_steps):
         before = (t - 1) * lay.n_actions * lay.row
-        for p in range(lay.low.size):
-            multiply_panel(
-                work.z, before + lay.low[p], lay.row, 1, vector, lay.place[p], PANEL, lay.high[p] - lay.low[p],
-                work.start, p * PANEL, lay.row, work.a, p * PANEL, lay.row, lay.n_actions,
-            )  # fmt: skip
-        work.loss[:] = F(0)
+        multiply_panels(lay, 0, work.z, before, vector, work.start, lay.row, work.a)
+        loss += _predict(lay, work, t, ratio)
         for n in range(lay.n_actions):
-            row = t * lay.n_actions + n
-            _predict(lay, work, n, row, ratio)
             for c in range(lay.first_hidden, lay.width, 16):
                 rate, at = load16(work.rate, c), n * lay.row + c
                 u = (F(1) - rate) * load16(work.u, at) + rate * load16(work.a, at)  # Eq. 2
                 store(u, work.u, at)
-                store(tanh32(u), work.z, row * lay.row + c)
-        for lane in range(8):
-            loss += work.loss[lane]
+                store(tanh32(u), work.z, (t * lay.n_actions + n) * lay.row + c)
     return loss
 
 
 @compiled()
-def _backward_codes(lay, work, n, row, ratio):
-    """Add to `da` what a prediction does as the next input, through the softmax."""
+def _backward_codes(lay, work, t, ratio):
+    """Add to `da` of tick t what the predictions do as the next input, through the softmax."""
     step = lay.n_joints
-    for first in range(0, step, 8):
-        dx, z, code = n * lay.row + first, row * lay.row + first, row * lay.n_codes + first
-        inner = spread8(F(0))
-        for c in range(0, lay.n_codes, step):
-            inner = inner + load8(work.a, dx + c) * load8(work.o, code + c)
-        for c in range(0, lay.n_codes, step):
-            through = load8(work.o, code + c) * (load8(work.a, dx + c) - inner) * ratio
-            store(load8(work.da, z + c) + through, work.da, z + c)
+    for n in range(lay.n_actions):
+        row = t * lay.n_actions + n
+        for first in range(0, step, 8):
+            dx, z, code = n * lay.row + first, row * lay.row + first, row * lay.n_codes + first
+            inner = spread8(F(0))
+            for c in range(0, lay.n_codes, step):
+                inner = inner + load8(work.a, dx + c) * load8(work.o, code + c)
+            for c in range(0, lay.n_codes, step):
+                through = load8(work.o, code + c) * (load8(work.a, dx + c) - inner) * ratio
+                store(load8(work.da, z + c) + through, work.da, z + c)
 
 
 @compiled()
 def _backward(lay, work, ratio):
     """Run back through the ticks: fills `da`, and in `d_start` its sum over the ticks."""
     n_steps = work.taught.size // (lay.n_actions * lay.n_codes)
-    work.a[:] = F(0)
-    work.u[:] = F(0)
-    work.d_start[:] = F(0)
+    _clear(work.a)
+    _clear(work.u)
+    _clear(work.d_start)
     feeds_back = ratio != F(0)
     first_panel = 0 if feeds_back else lay.first_hidden // PANEL  # an open loop needs no derivative of its input
     for t in range(n_steps - 1, 0, -1):
+        if feeds_back:
+            _backward_codes(lay, work, t, ratio)
         for n in range(lay.n_actions):
             row = t * lay.n_actions + n
-            if feeds_back:
-                _backward_codes(lay, work, n, row, ratio)
             for c in range(lay.first_hidden, lay.width, 16):
                 rate, at = load16(work.rate, c), n * lay.row + c
                 y = load16(work.z, row * lay.row + c)
@@ -179,12 +188,9 @@ def _backward(lay, work, ratio):
             for c in range(0, lay.width, 16):
                 at = n * lay.row + c
                 store(load16(work.d_start, at) + load16(work.da, row * lay.row + c), work.d_start, at)
-        for p in range(first_panel, lay.low.size if t > 1 else 0):
-            multiply_panel(
-                work.da, t * lay.n_actions * lay.row + lay.low[p], lay.row, 1,
-                work.w_back, lay.place[p], PANEL, lay.high[p] - lay.low[p],
-                work.zeros, 0, 0, work.a, p * PANEL, lay.row, lay.n_actions,
-            )  # fmt: skip
+        if t > 1:
+            da_at = t * lay.n_actions * lay.row
+            multiply_panels(lay, first_panel, work.da, da_at, work.w_back, work.zeros, 0, work.a)
 
 
 @compiled()
@@ -282,6 +288,7 @@ def run_epochs(lay, work, vector, first, second, best, ratios, losses, epoch, be
         losses[i] = loss
         if loss < best_loss:
             best_loss, best_epoch = loss, i + 1
-            best[:] = vector
+            for k in range(0, vector.size, 16):
+                store(load16(vector, k), best, k)
         adam_step(vector, work.gradient, work.real, first, second, epoch + i + 1, learning_rate)
     return ratios.size, best_epoch, best_loss

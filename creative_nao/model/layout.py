@@ -142,13 +142,16 @@ class Packing:
 
 
 def _heard(starts: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return, for each panel, the first and the end of the columns that its receivers hear."""
+    """Return, for each panel, the first and the end of the columns that its receivers hear.
+
+    Both are multiples of eight, because the weights are transposed in squares of that size.
+    """
     n_parts = len(starts) - 1
     low, high = [], []
     for first in range(0, width, PANEL):
         inside = [p for p in range(n_parts) if starts[p] < first + PANEL and starts[p + 1] > first]
         # P_I/P_O, part 0, does not hear itself; a last panel may hold no unit at all.
         heard = [q for p in inside for q in (p - 1, p, p + 1) if 0 <= q < n_parts and (p, q) != (0, 0)]
-        low.append(starts[min(heard)] if heard else 0)
-        high.append(starts[max(heard) + 1] if heard else 0)
+        low.append(starts[min(heard)] // 8 * 8 if heard else 0)
+        high.append(line_up(starts[max(heard) + 1], 8) if heard else 0)
     return np.array(low, np.int64), np.array(high, np.int64)

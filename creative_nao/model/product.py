@@ -12,17 +12,23 @@ from typing import Any
 
 import llvmlite.binding as llvm
 from llvmlite import ir
-from numba import types
+from numba import config, types
 from numba.extending import intrinsic
 
 from creative_nao.model.kernels import compiled
 from creative_nao.model.vectors import FLOAT, call_llvm, element_pointer, spread
 
-HAS_512_BITS = bool(llvm.get_host_cpu_features().get("avx512f"))
-N_LANES = 16 if HAS_512_BITS else 8
+
+def _has_512_bit_registers() -> bool:
+    if config.CPU_NAME not in (None, "host"):  # numba is told to compile for another processor
+        return "+avx512f" in (config.CPU_FEATURES or "")
+    return bool(llvm.get_host_cpu_features().get("avx512f"))
+
+
+N_LANES = 16 if _has_512_bit_registers() else 8
 PANEL = 2 * N_LANES
 """Columns of a tile: two registers."""
-TALLEST = 8 if HAS_512_BITS else 6
+TALLEST = 8 if N_LANES == 16 else 6
 """Most rows of a tile: with two registers a row they, a row of b and one number of a fill the registers."""
 
 
@@ -113,7 +119,7 @@ def _tile(n_rows: int) -> Any:
 _tile1, _tile2, _tile3, _tile4, _tile5, _tile6, _tile7, _tile8 = (_tile(n_rows) for n_rows in range(1, 9))
 
 
-@compiled()
+@compiled(inline="always")
 def multiply_panel(
     a, a_at, a_row, a_inner, b, b_at, b_inner, n_inner, start, start_at, start_row, out, out_at, out_row, n_rows
 ):
@@ -145,3 +151,22 @@ def multiply_panel(
         else:
             _tile1(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
         done = end
+
+
+@compiled()
+def multiply_panels(lay, first_panel, rows, rows_at, weights, start, start_row, out):
+    """Multiply the rows of all actions at one tick with packed weights: out = start + rows weights, from a panel on.
+
+    Args:
+        lay: `layout.Layout`.
+        first_panel: Panels before this one are left out.
+        rows: Array that holds the rows, `lay.row` apart, the first at `rows_at`.
+        weights: Panels as in the packed vector.
+        start: Rows that the sums begin with, `start_row` apart.
+        out: Rows of the result, `lay.row` apart.
+    """
+    for p in range(first_panel, lay.low.size):
+        multiply_panel(
+            rows, rows_at + lay.low[p], lay.row, 1, weights, lay.place[p], PANEL, lay.high[p] - lay.low[p],
+            start, p * PANEL, start_row, out, p * PANEL, lay.row, lay.n_actions,
+        )  # fmt: skip

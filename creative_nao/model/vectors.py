@@ -223,3 +223,34 @@ def sum_of_lanes(typing_context, vector):
         return total
 
     return types.float32(vector), generate
+
+
+@intrinsic
+def transpose8(typing_context, source, source_first, source_row, target, target_first, target_row):
+    """Write the transpose of a square of 8 x 8 numbers; each matrix is an array, its first element and its stride."""
+
+    def generate(context, builder, signature, arguments):
+        kinds, kind = signature.args, ir.VectorType(FLOAT, 8)
+
+        def places(i):
+            base = element_pointer(context, builder, kinds[i], arguments[i], kinds[i + 1], arguments[i + 1])
+            stride = context.cast(builder, arguments[i + 2], kinds[i + 2], types.intp)
+            for n in range(8):
+                place = builder.gep(base, [builder.mul(stride, ir.Constant(ir.IntType(64), n))])
+                yield builder.bitcast(place, kind.as_pointer())
+
+        rows = [builder.load(place, align=4) for place in places(0)]
+        # Swap ever larger blocks: single numbers of neighbouring rows, then pairs, then fours.
+        for size in (1, 2, 4):
+            keep = [lane if not lane & size else lane - size + 8 for lane in range(8)]
+            swap = [lane + size if not lane & size else lane + 8 for lane in range(8)]
+            for upper in [n for n in range(8) if not n & size]:
+                pair = rows[upper], rows[upper + size]
+                for row, lanes in ((upper, keep), (upper + size, swap)):
+                    mask = ir.Constant(ir.VectorType(ir.IntType(32), 8), lanes)
+                    rows[row] = builder.shuffle_vector(*pair, mask)
+        for row, place in zip(rows, places(3), strict=True):
+            builder.store(row, place, align=4)
+        return context.get_dummy_value()
+
+    return types.void(source, source_first, source_row, target, target_first, target_row), generate
