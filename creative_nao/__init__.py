@@ -7,6 +7,7 @@ Data: `load_demonstrations`, `Demonstrations`.
 Memory: `train`, `load_memory`, `Memory`, `pb_map`, `PBMap`.
 Scores: `measures`.
 Environments: `gymnasium.make("CreativeNao/Boxing-v0")`, registered by this import.
+Agents: `load_agent`.
 Errors: `CreativeNaoError` and its children.
 
 Names are loaded when first used; importing the package loads neither torch nor mujoco.
@@ -30,6 +31,7 @@ from creative_nao.errors import (
 
 if TYPE_CHECKING:
     from creative_nao import measures
+    from creative_nao.agents import load_agent
     from creative_nao.demonstrations import Demonstrations, load_demonstrations
     from creative_nao.model import Memory, load_memory, train
     from creative_nao.pb_space import PBMap, pb_map
@@ -45,6 +47,7 @@ __all__ = [  # noqa: RUF022 - in reading order
     "pb_map",
     "PBMap",
     "measures",
+    "load_agent",
     "CreativeNaoError",
     "FileFormatError",
     "MissingDependencyError",
@@ -62,6 +65,7 @@ _HOMES = {
     "Memory": "model",
     "pb_map": "pb_space",
     "PBMap": "pb_space",
+    "load_agent": "agents",
 }
 
 

@@ -33,7 +33,8 @@ def save_tensors(
     """
     from safetensors.numpy import save
 
-    metadata = {"kind": kind, "creative_nao": json.dumps(header, allow_nan=False)}
+    # One entry only: the format keeps several in no fixed order, and equal content should give equal bytes.
+    metadata = {"creative_nao": json.dumps({"kind": kind, **header}, allow_nan=False)}
     return write_bytes(path, save({name: np.ascontiguousarray(a) for name, a in tensors.items()}, metadata))
 
 
@@ -54,17 +55,18 @@ def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, 
     if not path.is_file():
         raise NotFoundError(f"no {kind} file at {path}")
     if path.stat().st_size > MAX_FILE_BYTES:
-        raise FileFormatError(f"{path}: {path.stat().st_size} bytes; a {kind} file has at most {MAX_FILE_BYTES}")
+        raise FileFormatError(f"{path}: {path.stat().st_size} bytes; a file of this kind has at most {MAX_FILE_BYTES}")
     content = path.read_bytes()
     metadata = _check_frame(path, kind, content)
-    if metadata.get("kind") != kind:
-        raise FileFormatError(f"{path}: expected a {kind} file, but its header says kind {metadata.get('kind')!r}")
     try:
         header = json.loads(metadata["creative_nao"])
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise FileFormatError(f"{path}: the JSON header of the {kind} is missing or broken") from error
     if not isinstance(header, dict):
         raise FileFormatError(f"{path}: the JSON header of the {kind} should be an object, but is {header!r:.40}")
+    found = header.pop("kind", None)
+    if found != kind:
+        raise FileFormatError(f"{path}: expected kind {kind!r}, but its header says kind {found!r}")
     try:
         return header, load(content)
     except (SafetensorError, ValueError, KeyError, TypeError) as error:
@@ -74,12 +76,10 @@ def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, 
 def _check_frame(path: Path, kind: str, content: bytes) -> dict[str, Any]:
     """Check lengths and offsets of a safetensors file; return its metadata."""
     if len(content) < 8:
-        raise FileFormatError(
-            f"{path}: not a {kind} file: the header length needs 8 bytes, the file has {len(content)}"
-        )
+        raise FileFormatError(f"{path}: no {kind} file: the header length needs 8 bytes, the file has {len(content)}")
     length = int.from_bytes(content[:8], "little")
     if length > MAX_HEADER_BYTES:
-        raise FileFormatError(f"{path}: not a {kind} file: its first 8 bytes announce a header of {length} bytes")
+        raise FileFormatError(f"{path}: no {kind} file: its first 8 bytes announce a header of {length} bytes")
     if 8 + length > len(content):
         raise FileFormatError(f"{path}: the header is torn: {length} bytes announced, {len(content) - 8} are there")
     try:
@@ -88,9 +88,9 @@ def _check_frame(path: Path, kind: str, content: bytes) -> dict[str, Any]:
         metadata = table.get("__metadata__", {})
         ends = {name: (int(start), int(end)) for name, (start, end) in entries.items()}
     except (UnicodeDecodeError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise FileFormatError(f"{path}: not a {kind} file: its header is not a safetensors header") from error
+        raise FileFormatError(f"{path}: no {kind} file: its header is not a safetensors header") from error
     if not isinstance(metadata, dict):
-        raise FileFormatError(f"{path}: not a {kind} file: its header has no metadata")
+        raise FileFormatError(f"{path}: no {kind} file: its header has no metadata")
     available = len(content) - 8 - length
     for name, (_, end) in sorted(ends.items(), key=lambda item: item[1]):
         if end > available:

@@ -46,7 +46,7 @@ def test_tensors_and_header_come_back(tmp_path):
 def test_another_kind_is_refused(tmp_path):
     path = save_tensors(tmp_path / "t", kind="memory", header={}, tensors={})
 
-    with pytest.raises(FileFormatError, match="expected a checkpoint file, but its header says kind 'memory'"):
+    with pytest.raises(FileFormatError, match="expected kind 'checkpoint', but its header says kind 'memory'"):
         load_tensors(path, kind="checkpoint")
 
 
@@ -71,3 +71,10 @@ def test_an_array_that_does_not_fit_is_named(array, message):
 def test_a_missing_array_is_named():
     with pytest.raises(FileFormatError, match="f: the array `w` is missing"):
         take("f", {}, "w", (1,))
+
+
+def test_equal_content_gives_equal_bytes(tmp_path):
+    tensors = {name: np.full(3, k, dtype=np.float32) for k, name in enumerate("abcdefgh")}
+    files = [save_tensors(tmp_path / name, kind="test", header={"x": 1}, tensors=tensors) for name in ("a", "b", "c")]
+
+    assert len({file.read_bytes() for file in files}) == 1

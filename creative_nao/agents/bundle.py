@@ -7,7 +7,6 @@ again predicts the same bits.
 from __future__ import annotations
 
 import dataclasses
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from gymnasium.spaces import Box
 
-from creative_nao import atomic
 from creative_nao.agents.ppo import PPOSettings, build_policy, settings_from
-from creative_nao.errors import CreativeNaoError, FileFormatError, NotFoundError
+from creative_nao.errors import CreativeNaoError, FileFormatError
 from creative_nao.provenance import versions
+from creative_nao.tensorfile import load_tensors, save_tensors
 
 if TYPE_CHECKING:
     from stable_baselines3.common.policies import ActorCriticPolicy
 
-FORMAT = "creative_nao agent bundle"
+KIND = "agent bundle"
 FORMAT_VERSION = 1
 
 
@@ -62,11 +61,8 @@ class TrainedPolicy:
 
 def save_bundle(path: str | Path, header: BundleHeader, policy: ActorCriticPolicy) -> Path:
     """Write a policy and its header to `path` in one step and return the path."""
-    from safetensors.torch import save
-
-    weights = {name: tensor.detach().cpu().contiguous() for name, tensor in policy.state_dict().items()}
+    weights = {name: tensor.detach().cpu().numpy() for name, tensor in policy.state_dict().items()}
     described = {
-        "format": FORMAT,
         "format_version": FORMAT_VERSION,
         "agent": header.agent,
         "settings": dataclasses.asdict(header.settings),
@@ -79,7 +75,7 @@ def save_bundle(path: str | Path, header: BundleHeader, policy: ActorCriticPolic
         "normalisation": None,  # observations already lie in [-1, 1]
         "versions": header.versions,
     }
-    return atomic.write_bytes(path, save(weights, {"header": json.dumps(described, allow_nan=False)}))
+    return save_tensors(path, kind=KIND, header=described, tensors=weights)
 
 
 def load_bundle(path: str | Path) -> TrainedPolicy:
@@ -89,15 +85,16 @@ def load_bundle(path: str | Path) -> TrainedPolicy:
         NotFoundError: If there is no such file.
         FileFormatError: If a part of it is damaged or missing; the message names the part.
     """
+    import torch
+
     path = Path(path)
-    if not path.is_file():
-        raise NotFoundError(f"no agent bundle at {path}")
-    described, weights = _read(path)
-    for part, expected in (("format", FORMAT), ("format_version", FORMAT_VERSION)):
-        if described.get(part) != expected:
-            raise FileFormatError(
-                f"agent bundle {path}: header part `{part}` should be {expected!r}, but is {described.get(part)!r}"
-            )
+    described, arrays = load_tensors(path, kind=KIND)
+    if described.get("format_version") != FORMAT_VERSION:
+        raise FileFormatError(
+            f"agent bundle {path}: header part `format_version` should be {FORMAT_VERSION}, "
+            f"but is {described.get('format_version')!r}"
+        )
+    weights = {name: torch.from_numpy(array) for name, array in arrays.items()}
     header = _header(path, described)
     policy = build_policy(header.observation_space, header.action_space, header.settings)
     expected_weights = policy.state_dict()
@@ -117,28 +114,6 @@ def load_bundle(path: str | Path) -> TrainedPolicy:
     policy.load_state_dict(weights)
     policy.set_training_mode(False)
     return TrainedPolicy(header, policy)
-
-
-def _read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    from safetensors import SafetensorError, safe_open
-
-    try:
-        with safe_open(path, framework="pt") as file:
-            metadata = file.metadata() or {}
-            weights = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a dictionary
-    except SafetensorError as error:
-        raise FileFormatError(f"agent bundle {path}: the file is torn or no safetensors file ({error})") from error
-    try:
-        described = json.loads(metadata["header"])
-    except KeyError:
-        raise FileFormatError(f"agent bundle {path}: the header is missing; is it a bundle of this project?") from None
-    except json.JSONDecodeError as error:
-        raise FileFormatError(f"agent bundle {path}: the header is not JSON ({error})") from error
-    if not isinstance(described, dict):
-        raise FileFormatError(
-            f"agent bundle {path}: the header should be a JSON object, but is {type(described).__name__}"
-        )
-    return described, weights
 
 
 def _header(path: Path, described: dict[str, Any]) -> BundleHeader:

@@ -46,7 +46,7 @@ def test_a_foreign_file_is_refused(tmp_path):
     path = tmp_path / "notes.txt"
     path.write_text("not a memory, only some words " * 5)
 
-    with pytest.raises(FileFormatError, match=r"not a memory file: its first 8 bytes announce a header of \d+ bytes"):
+    with pytest.raises(FileFormatError, match=r"no memory file: its first 8 bytes announce a header of \d+ bytes"):
         load_memory(path)
 
 
