@@ -166,7 +166,7 @@ def test_damaged_weights_are_named(bundle, change, text):
 
 def test_a_torn_bundle_is_called_torn(bundle):
     bundle.write_bytes(bundle.read_bytes()[:-100])
-    with pytest.raises(FileFormatError, match="the array `.*` is torn"):
+    with pytest.raises(FileFormatError, match=r"the array `.*` is torn"):
         load_agent(bundle)
 
 
