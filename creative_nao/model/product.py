@@ -20,9 +20,8 @@ from creative_nao.model.vectors import FLOAT, call_llvm, element_pointer, spread
 
 
 def _has_512_bit_registers() -> bool:
-    if config.CPU_NAME not in (None, "host"):  # numba is told to compile for another processor
-        return "+avx512f" in (config.CPU_FEATURES or "")
-    return bool(llvm.get_host_cpu_features().get("avx512f"))
+    asked = getattr(config, "CPU_FEATURES", None)  # numba can be told to compile for another processor
+    return bool(llvm.get_host_cpu_features().get("avx512f")) if asked is None else "+avx512f" in asked
 
 
 N_LANES = 16 if _has_512_bit_registers() else 8

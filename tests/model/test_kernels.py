@@ -1,5 +1,10 @@
 """The arithmetic of the compiled engines against NumPy."""
 
+import os
+import platform
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -112,3 +117,38 @@ def test_a_transposed_factor_needs_no_copy():
     multiply_panel(a.ravel(), 0, 1, 13, b.ravel(), 0, PANEL, 90, none, 0, 0, out.reshape(-1), 0, PANEL, 13)
 
     np.testing.assert_allclose(out, a.T.astype(np.float64) @ b, rtol=1e-4, atol=1e-5)
+
+
+SOMEWHERE_ELSE = """
+import numpy as np
+from creative_nao.model.kernels import tanh32
+from creative_nao.model.product import PANEL, multiply_panel
+
+a, b, out = np.ones((7, 3), np.float32), np.ones((3, PANEL), np.float32), np.zeros(7 * PANEL, np.float32)
+multiply_panel(a.ravel(), 0, 3, 1, b.ravel(), 0, PANEL, 3, out, 0, PANEL, out, 0, PANEL, 7)
+assert (out == 3).all() and abs(tanh32(np.float32(1)) - np.tanh(1)) < 1e-6
+print(PANEL)
+"""
+
+
+def run_in(environment):
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", SOMEWHERE_ELSE],
+        env={**os.environ, **environment}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return int(done.stdout)
+
+
+def test_without_a_writable_place_the_code_is_compiled_anew():
+    """/dev/null is no folder, not even for root; the package's own folder is left out of the search."""
+    nowhere = dict.fromkeys(["HOME", "XDG_CACHE_HOME", "LOCALAPPDATA", "NUMBA_CACHE_DIR"], os.devnull)
+
+    assert run_in({**nowhere, "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator,UserWideCacheLocator"}) == PANEL
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names x86 processors")
+@pytest.mark.parametrize("processor", ["generic", "x86-64-v3"])
+def test_it_runs_on_processors_without_wide_registers(processor, tmp_path):
+    """Vectors that are wider than the registers are split by the compiler."""
+    assert run_in({"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}) == 16
