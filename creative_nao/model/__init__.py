@@ -1,6 +1,7 @@
 """The memory: a PB-MTRNN (Hwang & Tani 2018) that learns a handful of actions and imagines others.
 
-Using: `load_memory`, `shipped_memories`, `Memory`.
+Using: `load_memory`, `shipped_memories`, `Memory`; `Recognition` (`recognition`, what `Memory.infer_pb` finds);
+`walk`, `Walk` (`paths`, movements along a line through the PB space).
 Making: `train`, `train_network`, `NetworkSettings`, `TrainingSettings`.
 Inside: `encoding` (Eq. 6, 7), `mtrnn` (Eq. 1-3, 5, in torch), `loss` (Eq. 4), `fused` (the same compiled),
 `generation`.
@@ -11,6 +12,8 @@ torch is loaded by the reference network only, not by using or training a memory
 from creative_nao.model.campaign import Trained, checkpoint_of, reproduction, train, train_many
 from creative_nao.model.config import NetworkSettings, TrainingSettings
 from creative_nao.model.memory import Memory
+from creative_nao.model.paths import Walk, walk
+from creative_nao.model.recognition import Recognition
 from creative_nao.model.shipped import (
     CONDITIONS,
     SPLITS,
@@ -27,8 +30,10 @@ __all__ = [
     "SPLITS",
     "Memory",
     "NetworkSettings",
+    "Recognition",
     "Trained",
     "TrainingSettings",
+    "Walk",
     "checkpoint_of",
     "load_memory",
     "reproduction",
@@ -39,4 +44,5 @@ __all__ = [
     "train",
     "train_many",
     "train_network",
+    "walk",
 ]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from creative_nao.demonstrations import Demonstrations
 from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError, ShapeError
@@ -16,7 +18,11 @@ from creative_nao.model.config import NetworkSettings, TrainingSettings, setting
 from creative_nao.model.encoding import SoftmaxEncoding
 from creative_nao.model.generation import ClosedLoopGenerator
 from creative_nao.model.parameters import parameter_shapes
+from creative_nao.model.paths import pb_of_each_tick
 from creative_nao.tensorfile import load_tensors, save_tensors, take
+
+if TYPE_CHECKING:
+    from creative_nao.model.recognition import Recognition
 
 FORMAT_VERSION = 1
 KIND = "memory"
@@ -114,6 +120,55 @@ class Memory:
         if steps < 1:
             raise SettingsError(f"`n_steps` should be at least 1, but is {steps}")
         return self._generator(points, steps)
+
+    def generate_path(
+        self, points: ArrayLike, n_steps: int | None = None, at_ticks: Sequence[int] | np.ndarray | None = None
+    ) -> np.ndarray:
+        """Let one movement unfold while the PB moves in straight lines from point to point.
+
+        The state of the network goes on through every change, so the movement passes smoothly from one into another.
+
+        Args:
+            points: Where the PB moves, in [-1, 1], shape (n, n_pb).
+            n_steps: Ticks to generate; default: as long as the longest basic action.
+            at_ticks: When each point is reached, rising, shape (n,); two points at one tick are a jump. Default:
+                evenly from tick 0 to the last.
+
+        Returns:
+            Joint angles [rad], shape (n_steps, n_joints); with a single point, what `generate` gives there.
+
+        Raises:
+            ShapeError: If `points` is not (n, n_pb) or leaves [-1, 1].
+            SettingsError: If `n_steps` is less than 1, or `at_ticks` does not fit.
+        """
+        pb = pb_of_each_tick(points, self.network.n_pb, self.n_steps if n_steps is None else n_steps, at_ticks)
+        return self._generator(pb[None], len(pb))[0]
+
+    def infer_pb(
+        self, trajectory: np.ndarray, *, infer_initial_state: bool = False, n_restarts: int = 48, seed: int = 0
+    ) -> Recognition:
+        """Find the PB value from which this memory generates a movement, or the most similar one it has.
+
+        See `recognition.infer_pb` for how, and for one more option.
+
+        Args:
+            trajectory: Joint angles at the memory's tick [rad], shape (n_steps, n_joints), any length from two on.
+            infer_initial_state: Whether to start in the given first posture instead of the memory's own, and to seek
+                the initial internal state of the slowest layer too.
+            n_restarts: Descents side by side.
+            seed: One seed, one answer.
+
+        Returns:
+            The PB value, the DTW distance of its movement to the given one, that movement, and where else the search
+            ended.
+
+        Raises:
+            ShapeError: If `trajectory` is not finite or does not have the memory's joints.
+            SettingsError: If a setting is out of range.
+        """
+        from creative_nao.model.recognition import infer_pb
+
+        return infer_pb(self, trajectory, infer_initial_state=infer_initial_state, n_restarts=n_restarts, seed=seed)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the memory to one safetensors file, in one step, and return its path."""

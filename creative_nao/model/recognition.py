@@ -1,0 +1,244 @@
+"""Recognition: which point of the PB space makes a given movement?
+
+The error as a function of PB is rugged, because a closed loop amplifies small differences tick by tick: half a grid
+cell of the 200 x 200 map may lie between two other movements. Its first ticks, though, change smoothly. So the search
+goes from short to long: many descents, side by side, first fit the first ticks, are then shown more and more of the
+movement, and at every length the best points of an even cover of the PB space join them. In the end a local search
+lowers the warping distance itself, which forgives what squared errors do not: being a tick early or late.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.measures.dtw import MAX_VALUE, dtw_matrix
+from creative_nao.model.error_regression import Descents, descend, distinct
+from creative_nao.model.slopes import DifferentiableGenerator
+
+if TYPE_CHECKING:
+    from creative_nao.model.memory import Memory
+
+N_SCREEN = 4096
+"""Points of the even cover: as dense as a grid of 64 x 64 when there are two PB units."""
+FIRST_HORIZON = 8
+"""Ticks of the shortest beginning that is fitted."""
+N_HORIZONS = 7
+ITERATIONS, LAST_ITERATIONS = 6, 20
+"""Of each descent at one length, and at the full length."""
+SAME_POINT = 1e-4
+"""Descents closer than this in every PB value have met."""
+SCREEN_TICKS = 4096 * 50
+"""Ticks generated at a time, so that a long recording needs no more memory than a short one."""
+WARPING_CELLS = 4e7
+"""Pairs of postures spent on looking for starts by the warping distance, and again in the local search."""
+N_POLISHED = 6
+POLISH_RADII = 0.02 * 0.5 ** np.arange(8)
+"""Standard deviation of the trial steps of the local search, round by round."""
+N_TRIALS = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Restarts:
+    """Where the descents of one recognition ended, the best first.
+
+    Attributes:
+        pb: Shape (n, n_pb).
+        error: DTW distance of what each generates to the target [rad], shape (n,).
+        squared_error: Mean squared difference of the angles at equal ticks [rad^2], shape (n,).
+    """
+
+    pb: np.ndarray
+    error: np.ndarray
+    squared_error: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.pb)
+
+
+@dataclass(frozen=True, eq=False)
+class Recognition:
+    """What a memory makes of a movement.
+
+    Attributes:
+        pb: The PB value whose movement is nearest, shape (n_pb,) in [-1, 1].
+        error: DTW distance of that movement to the given one [rad]: what the search lowers in the end.
+        squared_error: Mean squared difference of their angles at equal ticks, tick 0 left out [rad^2]: what the
+            descents lower.
+        trajectory: That movement [rad], shape (n_steps, n_joints), as long as the given one.
+        initial_state: Internal states u of the hidden neurons at tick 0, shape (n_hidden,), if they were inferred:
+            those of the slowest layer, the others 0; else None. `trajectory` then begins in the given first posture.
+        restarts: Where the search ended elsewhere; its first row is the answer.
+    """
+
+    pb: np.ndarray
+    error: float
+    squared_error: float
+    trajectory: np.ndarray
+    initial_state: np.ndarray | None
+    restarts: Restarts
+
+
+def infer_pb(
+    memory: Memory,
+    trajectory: np.ndarray,
+    *,
+    infer_initial_state: bool = False,
+    n_restarts: int = 48,
+    n_screen: int = N_SCREEN,
+    seed: int = 0,
+) -> Recognition:
+    """Find the PB value from which a memory generates a movement, or the most similar one it has.
+
+    Args:
+        memory: The memory; any number of PB units, joints and layers.
+        trajectory: Joint angles at the memory's tick [rad], shape (n_steps, n_joints), at least two ticks. Time grows
+            with its length.
+        infer_initial_state: Whether to start in the given first posture instead of the memory's own, and to seek the
+            initial internal state of the slowest layer too.
+        n_restarts: Descents side by side.
+        n_screen: Points of the even cover of the PB space; with three and more PB units, more help.
+        seed: Shifts the cover and draws the trial steps. One seed, one answer.
+
+    Raises:
+        ShapeError: If `trajectory` is not finite or does not have the memory's joints.
+        SettingsError: If `n_restarts` or `n_screen` is below 1, or `seed` below 0.
+    """
+    target = _checked(memory, trajectory)
+    for name, value, least in (("n_restarts", n_restarts, 1), ("n_screen", n_screen, 1), ("seed", seed, 0)):
+        if value < least:
+            raise SettingsError(f"`{name}` should be at least {least}, but is {value}")
+    rng = np.random.default_rng(seed)
+    posture = target[0] if infer_initial_state else memory.demonstrations.initial_posture
+    generator = DifferentiableGenerator(memory.network, memory.parameters, memory.encoding, posture)
+    n_pb = memory.network.n_pb
+    n_unknown = n_pb + (generator.n_slow if infer_initial_state else 0)
+
+    horizons = np.unique(np.geomspace(min(FIRST_HORIZON, len(target)), len(target), N_HORIZONS).round().astype(int))
+    cover = even_cover(n_screen, n_pb, rng)
+    errors = _prefix_errors(generator, cover, target, horizons)
+    found = _from_short_to_long(generator, cover, errors, target, horizons, n_restarts, n_unknown)
+    by_warping = _nearest_by_warping(generator, cover, errors[-1], target)
+    unknowns = np.concatenate([found.unknowns, np.pad(by_warping, ((0, 0), (0, n_unknown - n_pb)))])
+    unknowns, error = _polished(generator, unknowns, n_pb, target, rng)
+    return _answer(generator, unknowns, error, n_pb, target)
+
+
+def even_cover(n: int, n_pb: int, rng: np.random.Generator) -> np.ndarray:
+    """Return `n` points spread evenly over [-1, 1]^n_pb, as the generalised golden ratio spreads them, (n, n_pb).
+
+    Point k is the fraction of shift + k / phi^(1, 2, ..., n_pb), phi the root of phi^(n_pb + 1) = phi + 1; in one
+    dimension phi is the golden ratio. Unlike a grid it has any number of points in any dimension; `rng` draws the
+    shift.
+    """
+    phi = 2.0
+    for _ in range(64):  # the iteration contracts; 64 rounds reach the last bit
+        phi = (1.0 + phi) ** (1.0 / (n_pb + 1))
+    steps = phi ** -np.arange(1.0, n_pb + 1)
+    return 2.0 * ((rng.random(n_pb) + np.arange(n)[:, None] * steps) % 1.0) - 1.0
+
+
+def _checked(memory: Memory, trajectory: np.ndarray) -> np.ndarray:
+    target = np.asarray(trajectory, dtype=np.float64)
+    n_joints = len(memory.joints)
+    if target.ndim != 2 or target.shape[1] != n_joints or len(target) < 2:
+        raise ShapeError(
+            f"`trajectory` should have shape (n_steps, {n_joints}), at least two ticks and one column for each of "
+            f"{', '.join(memory.joints)}, but has {target.shape}"
+        )
+    if not (np.abs(target) <= MAX_VALUE).all():
+        tick, joint = np.argwhere(~(np.abs(target) <= MAX_VALUE))[0]
+        raise ShapeError(
+            f"`trajectory` should hold finite angles [rad], but is {target[tick, joint]} at tick {tick}, "
+            f"joint {memory.joints[joint]}"
+        )
+    return target
+
+
+def _prefix_errors(
+    generator: DifferentiableGenerator, cover: np.ndarray, target: np.ndarray, horizons: np.ndarray
+) -> np.ndarray:
+    """Return the squared error of every point of the cover over the first ticks, (n_horizons, n)."""
+    errors = np.empty((len(horizons), len(cover)))
+    size = max(1, SCREEN_TICKS // len(target))
+    for start in range(0, len(cover), size):
+        angles = generator(cover[start : start + size], len(target))
+        squares = np.cumsum(((angles - target) ** 2).sum(axis=2), axis=1)
+        errors[:, start : start + size] = squares[:, horizons - 1].T
+    return errors
+
+
+def _from_short_to_long(
+    generator: DifferentiableGenerator,
+    cover: np.ndarray,
+    errors: np.ndarray,
+    target: np.ndarray,
+    horizons: np.ndarray,
+    n_restarts: int,
+    n_unknown: int,
+) -> Descents:
+    """Fit longer and longer beginnings; a third of the descents at each length are new."""
+    n_pb = cover.shape[1]
+    n_new = -(-n_restarts // 3)
+    apart = 3.0 * len(cover) ** (-1.0 / n_pb)  # one and a half times the mean distance of the cover's points
+    alive = Descents(np.zeros((0, n_unknown)), np.zeros(0))
+    for horizon, error in zip(horizons, errors, strict=True):
+        order = np.argsort(error, kind="stable")[: 40 * n_new]
+        fresh = cover[order[distinct(cover[order], n_new, apart)]]
+        starts = np.concatenate([alive.unknowns, np.pad(fresh, ((0, 0), (0, n_unknown - n_pb)))])
+        iterations = LAST_ITERATIONS if horizon == horizons[-1] else ITERATIONS
+        alive = descend(generator, starts, n_pb, target[:horizon], iterations).best(n_restarts, SAME_POINT)
+    return alive
+
+
+def _nearest_by_warping(
+    generator: DifferentiableGenerator, cover: np.ndarray, error: np.ndarray, target: np.ndarray
+) -> np.ndarray:
+    """Return the points of the cover nearest to the target by DTW, of those that squared error ranks first."""
+    n = int(min(len(cover), max(1, WARPING_CELLS // len(target) ** 2), SCREEN_TICKS // len(target) + 1))
+    ranked = cover[np.argsort(error, kind="stable")[:n]]
+    distances = dtw_matrix(generator(ranked, len(target)), target[None], np.float32)[:, 0]
+    return ranked[np.argsort(distances, kind="stable")[:N_POLISHED]]
+
+
+def _polished(
+    generator: DifferentiableGenerator, unknowns: np.ndarray, n_pb: int, target: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lower the DTW distance of the most promising points by trial steps around them; return all points, best first."""
+    n_most = int(max(N_POLISHED, WARPING_CELLS // len(target) ** 2 // 8))
+    unknowns = unknowns[:n_most]
+    error = _warping(generator, unknowns, n_pb, target)
+    order = np.argsort(error, kind="stable")
+    unknowns, error = unknowns[order], error[order]
+    chosen = distinct(unknowns[:, :n_pb], N_POLISHED, float(POLISH_RADII[1]))
+    best, lowest = unknowns[chosen], error[chosen]
+    n_rounds = int(min(len(POLISH_RADII), WARPING_CELLS // (N_TRIALS * len(best) * len(target) ** 2)))
+    for radius in POLISH_RADII[:n_rounds]:
+        trials = np.repeat(best, N_TRIALS, axis=0)
+        trials[:, :n_pb] += radius * rng.standard_normal((len(trials), n_pb))
+        trials[:, :n_pb] = np.clip(trials[:, :n_pb], -1.0, 1.0)
+        reached = _warping(generator, trials, n_pb, target).reshape(len(best), N_TRIALS)
+        pick = reached.argmin(axis=1)
+        lower = np.flatnonzero(reached.min(axis=1) < lowest)
+        best[lower] = trials.reshape(len(best), N_TRIALS, -1)[lower, pick[lower]]
+        lowest[lower] = reached[lower, pick[lower]]
+    unknowns[chosen], error[chosen] = best, lowest
+    order = np.argsort(error, kind="stable")
+    return unknowns[order], error[order]
+
+
+def _warping(generator: DifferentiableGenerator, unknowns: np.ndarray, n_pb: int, target: np.ndarray) -> np.ndarray:
+    return dtw_matrix(generator.trajectories(unknowns, n_pb, len(target)), target[None])[:, 0]
+
+
+def _answer(
+    generator: DifferentiableGenerator, unknowns: np.ndarray, error: np.ndarray, n_pb: int, target: np.ndarray
+) -> Recognition:
+    trajectories = generator.trajectories(unknowns, n_pb, len(target))
+    squared = ((trajectories[:, 1:] - target[1:]) ** 2).mean(axis=(1, 2))
+    state = generator.initial_state(unknowns[0, n_pb:]) if unknowns.shape[1] > n_pb else None
+    restarts = Restarts(unknowns[:, :n_pb], error, squared)
+    return Recognition(unknowns[0, :n_pb], float(error[0]), float(squared[0]), trajectories[0], state, restarts)
