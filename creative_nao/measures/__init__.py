@@ -2,8 +2,10 @@
 
 Distance
     - `dtw`, `dtw_matrix`: dynamic time warping, its definition in `dtw.py` (reference in `dtw_reference.py`).
+    - `dtw_pairs`: of chosen pairs only (`pairs.py`).
 Each action
     - `score` -> `Scores`: its outcome, its novelty and the basic action it is nearest to (`score.py`).
+    - `attribution` -> `Attribution`, `Stretch`: which basic action it resembles when (`attribution.py`).
     - `Criteria`, `BasicActions`: where the lines between outcomes are drawn; what counts as basic actions.
     - `is_appropriate`, `largest_speeds`, `speed_limits`, `excursions`, `excursion_limit`: the lines themselves.
 A set of actions
@@ -23,20 +25,26 @@ from creative_nao.measures.appropriateness import (
     largest_speeds,
     speed_limits,
 )
+from creative_nao.measures.attribution import Attribution, Stretch, attribution
 from creative_nao.measures.diversity import diversity, mean_pairwise_distance, reward_scale
 from creative_nao.measures.draws import Draws
 from creative_nao.measures.dtw import dtw, dtw_matrix
 from creative_nao.measures.farthest import FarthestPoints, farthest_points
 from creative_nao.measures.novelty import novelty
+from creative_nao.measures.pairs import dtw_pairs
 from creative_nao.measures.score import OUTCOMES, Scores, score
 from creative_nao.measures.table import Table, table
 
 __all__ = [  # noqa: RUF022 - in reading order
     "dtw",
     "dtw_matrix",
+    "dtw_pairs",
     "score",
     "Scores",
     "OUTCOMES",
+    "attribution",
+    "Attribution",
+    "Stretch",
     "Criteria",
     "BasicActions",
     "is_appropriate",
