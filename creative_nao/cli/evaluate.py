@@ -1,7 +1,8 @@
-"""`creative-nao evaluate SUITE`: compare agents, end with a table and a report."""
+"""`creative-nao evaluate SUITE`: compare agents, or reproduce the paper; ends with a table and a report."""
 
 from __future__ import annotations
 
+import dataclasses
 import datetime
 import json
 import sys
@@ -14,11 +15,13 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 from rich.progress import Progress as Bar
 
-from creative_nao.errors import SettingsError
+from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.evaluation.run import Evaluation, evaluate
 from creative_nao.evaluation.runner import Progress
-from creative_nao.evaluation.suites import find_suite
+from creative_nao.evaluation.suites import SUITES, find_suite
 from creative_nao.evaluation.tables import terminal_table
+
+PAPER, PAPER_FLAGS = "paper", ("quick", "retrain", "sensitivity", "docs")
 
 PLAIN_EVERY_S = 15.0
 """Between two lines of progress where no terminal can show a bar."""
@@ -26,10 +29,10 @@ PLAIN_EVERY_S = 15.0
 
 @dataclass(frozen=True)
 class EvaluateSettings:
-    """Compare agents on a suite; results, figures and a report go to a run folder."""
+    """Compare agents on a suite, or reproduce the paper; results, figures and a report go to a run folder."""
 
     suite: tyro.conf.Positional[str] = "quick"
-    """Name of the suite."""
+    """`quick`: agents on one memory; `paper`: the paper's Table I, figures and conclusions over many networks."""
     out: Path | None = None
     """Run folder; runs/SUITE-TIMESTAMP unless given. Must be new or empty unless --resume is given."""
     seed: int = 0
@@ -40,6 +43,14 @@ class EvaluateSettings:
     """Continue the run folder --out: finished jobs are not done again."""
     json: bool = False
     """Print results.json instead of the table."""
+    quick: bool = False
+    """paper: train a few networks for a short time, to see in minutes what it looks like."""
+    retrain: bool = False
+    """paper: train ten networks a condition in the run folder instead of taking the shipped ones."""
+    sensitivity: bool = False
+    """paper: also change the open choices one at a time; about ten minutes more."""
+    docs: Path | None = None
+    """paper: bring page, pictures and result files into this documentation folder."""
 
 
 def run(settings: EvaluateSettings) -> int:
@@ -48,13 +59,23 @@ def run(settings: EvaluateSettings) -> int:
     Raises:
         CreativeNaoError: If the user made a mistake, or a job failed at every attempt.
     """
-    suite = find_suite(settings.suite)
+    if settings.suite not in (*SUITES, PAPER):
+        known = (*SUITES, PAPER)
+        raise NotFoundError(
+            f"no suite `{settings.suite}`{nearest_name(settings.suite, known)}; there are: {', '.join(known)}"
+        )
     if settings.resume and settings.out is None:
         raise SettingsError("--resume continues a run folder: name it with --out")
     if settings.n_workers is not None and settings.n_workers < 1:
         raise SettingsError(f"`--n-workers` should be at least 1, but is {settings.n_workers}")
     if settings.seed < 0:
         raise SettingsError(f"`--seed` should be at least 0, but is {settings.seed}")
+    if settings.suite == PAPER:
+        return _paper(settings)
+    given = [name for name in PAPER_FLAGS if getattr(settings, name)]
+    if given:
+        raise SettingsError(f"--{given[0]} belongs to `creative-nao evaluate {PAPER}`, not to `{settings.suite}`")
+    suite = find_suite(settings.suite)
     stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
     folder = settings.out or Path("runs") / f"{suite.name}-{stamp}"
     # Progress goes to stderr, so that --json leaves stdout to the figures.
@@ -76,6 +97,13 @@ def run(settings: EvaluateSettings) -> int:
         return 130
     _show(evaluation, as_json=settings.json, console=console)
     return 0
+
+
+def _paper(settings: EvaluateSettings) -> int:
+    from creative_nao.cli.evaluate_paper import PaperRequest, run_paper
+
+    values = {field.name: getattr(settings, field.name) for field in dataclasses.fields(PaperRequest)}
+    return run_paper(PaperRequest(**values))
 
 
 def _show(evaluation: Evaluation, *, as_json: bool, console: Console) -> None:

@@ -1,0 +1,117 @@
+"""`creative-nao evaluate paper`: reproduce the paper, claim by claim."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from creative_nao.cli.progress import Display
+from creative_nao.errors import SettingsError
+from creative_nao.evaluation.paper.bank import Report
+from creative_nao.evaluation.paper.publishing import publish
+from creative_nao.evaluation.paper.reference import CONDITION_NAMES, CONDITION_TITLES, FURTHER, TABLE_I
+from creative_nao.evaluation.paper.run import Reproduction, reproduce
+from creative_nao.evaluation.paper.sensitivity import SensitivitySettings
+from creative_nao.evaluation.paper.settings import paper_settings
+from creative_nao.evaluation.paper.wording import mean_cell, number
+
+SUITE = "paper"
+COLOURS = {"holds": "green", "does not hold": "red", "undecided": "dim"}
+
+
+@dataclass(frozen=True)
+class PaperRequest:
+    """What the command line asks for."""
+
+    out: Path | None
+    seed: int
+    n_workers: int | None
+    resume: bool
+    json: bool
+    quick: bool
+    retrain: bool
+    sensitivity: bool
+    docs: Path | None
+
+
+def run_paper(asked: PaperRequest) -> int:
+    """Reproduce the paper and return the exit code: 0, or 130 after Ctrl-C.
+
+    Raises:
+        CreativeNaoError: If the user made a mistake, or no network of a condition could be trained.
+    """
+    settings = paper_settings(quick=asked.quick, retrain=asked.retrain, seed=asked.seed)
+    if asked.docs is not None and not asked.docs.is_dir():
+        raise SettingsError(f"--docs should name the folder of the documentation, but {asked.docs} is none")
+    stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
+    folder = asked.out or Path("runs") / f"{SUITE}-{stamp}"
+    flags = [f"--{settings.source}"] if settings.trains else []
+    flags += [f"--seed {settings.seed}", *(["--sensitivity"] if asked.sensitivity else [])]
+    command = " ".join([f"creative-nao evaluate {SUITE}", *flags])
+    # Progress goes to stderr, so that --json leaves stdout to the figures.
+    console = Console(stderr=True)
+    try:
+        done = reproduce(
+            settings, folder, sensitivity=SensitivitySettings(seed=settings.seed) if asked.sensitivity else None,
+            n_workers=asked.n_workers, resume=asked.resume, command=command, watch=_watch,
+        )  # fmt: skip
+    except KeyboardInterrupt:
+        again = f"{command} --out {folder} --resume"
+        console.print(f"stopped; what is done is kept, continue with: {again}", soft_wrap=True, highlight=False)
+        return 130
+    if asked.json:
+        sys.stdout.write(json.dumps({**done.results, "claims": done.claims}, indent=2, allow_nan=False) + "\n")
+    else:
+        console = Console() if sys.stdout.isatty() else Console(width=140)
+        console.print(table_i(done))
+        console.print(verdicts(done))
+    for name, what in (("report.html", "report"), ("reproduction.md", "page"), ("results.json", "results")):
+        console.print(f"{what:>12}: {done.folder / name}", soft_wrap=True, highlight=False)
+    if asked.docs is not None:
+        written = publish(done.folder, asked.docs)
+        console.print(f"{len(written)} files written to {asked.docs}", soft_wrap=True, highlight=False)
+    return 0
+
+
+def table_i(done: Reproduction) -> Table:
+    """Return Table I for a terminal: the paper's network beside the mean over ours."""
+    rows = {row["memory"]: row for row in done.results["rows"]}
+    counts = " / ".join(str(rows[name]["n_seeds"]) for name in CONDITION_NAMES)
+    table = Table(title=f"Table I: the paper's network, and ours ({counts} networks, mean and 95 % interval)")
+    table.add_column("")
+    for name in CONDITION_NAMES:
+        table.add_column(f"{CONDITION_TITLES[name]}\npaper", justify="right")
+        table.add_column("\nhere", justify="right")
+    for measure in (*TABLE_I, *FURTHER):
+        cells = [
+            text
+            for name in CONDITION_NAMES
+            for text in (number(measure.paper.get(name), 2), escape(mean_cell(rows[name][measure.field])))
+        ]
+        table.add_row(escape(f"{measure.title} [{measure.unit}]"), *cells)
+    return table
+
+
+def verdicts(done: Reproduction) -> Table:
+    """Return the verdict on each claim for a terminal."""
+    table = Table(title="What the paper says, and whether it holds over seeds")
+    table.add_column("claim")
+    table.add_column("verdict")
+    for claim in done.claims:
+        table.add_row(claim["says"], claim["verdict"], style=COLOURS[claim["verdict"]])
+    return table
+
+
+@contextlib.contextmanager
+def _watch(totals: dict[str, int]) -> Iterator[Report]:
+    with Display(totals) as display:
+        yield display.show

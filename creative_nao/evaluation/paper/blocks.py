@@ -1,0 +1,142 @@
+"""A page as a list of blocks, written as Markdown for the documentation and as HTML for a run folder."""
+
+from __future__ import annotations
+
+import base64
+import html
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading; level 1 is the title."""
+
+    text: str
+    level: int = 2
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph; `**strong**`, `code` in backticks and [links](target) may stand in it."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A list of such texts."""
+
+    items: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of such texts; the first column is left, the others are right unless `left` says so."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    left: tuple[int, ...] = (0,)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure with its caption; `name` is the file's name without folder and ending."""
+
+    name: str
+    title: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class Code:
+    """Lines for a shell."""
+
+    text: str
+
+
+Block = Heading | Text | Bullets | Table | Picture | Code
+
+
+def to_markdown(blocks: Sequence[Block], *, images: str = "images") -> str:
+    """Return the page as Markdown; pictures are PNG files in the folder `images`, seen from the page."""
+    return "\n\n".join(_markdown(block, images) for block in blocks) + "\n"
+
+
+def to_html(blocks: Sequence[Block], *, style: str, image: Callable[[str], Path]) -> str:
+    """Return the page as one HTML file that needs nothing else.
+
+    Args:
+        blocks: The page.
+        style: The style sheet.
+        image: Tells the file of a picture by its name.
+    """
+    title = next(block.text for block in blocks if isinstance(block, Heading))
+    body = "\n".join(_html(block, image) for block in blocks)
+    return (
+        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1">\n<title>{html.escape(title)}</title>\n'
+        f"<style>\n{style}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _markdown(block: Block, images: str) -> str:
+    match block:
+        case Heading():
+            return f"{'#' * block.level} {block.text}"
+        case Text():
+            return block.text
+        case Bullets():
+            return "\n".join(f"- {item}" for item in block.items)
+        case Table():
+            rule = ["---" if place in block.left else "---:" for place in range(len(block.head))]
+            return "\n".join("| " + " | ".join(row) + " |" for row in (block.head, tuple(rule), *block.rows))
+        case Picture():
+            return f"![{block.title}]({images}/{block.name}.png)\n\n**{block.title}.** {block.caption}"
+        case Code():
+            return f"```sh\n{block.text}\n```"
+
+
+def _html(block: Block, image: Callable[[str], Path]) -> str:
+    match block:
+        case Heading():
+            return f"<h{block.level}>{_inline(block.text)}</h{block.level}>"
+        case Text():
+            return f"<p>{_inline(block.text)}</p>"
+        case Bullets():
+            return "<ul>\n" + "\n".join(f"<li>{_inline(item)}</li>" for item in block.items) + "\n</ul>"
+        case Table():
+            return _html_table(block)
+        case Picture():
+            coded = base64.b64encode(image(block.name).read_bytes()).decode("ascii")
+            return (
+                f'<figure>\n<img src="data:image/png;base64,{coded}" alt="{html.escape(block.title)}">\n'
+                f"<figcaption><strong>{_inline(block.title)}.</strong> {_inline(block.caption)}</figcaption>\n</figure>"
+            )
+        case Code():
+            return f"<pre>{html.escape(block.text)}</pre>"
+
+
+def _html_table(block: Table) -> str:
+    def line(cells: Sequence[str], tag: str) -> str:
+        starts = [f'<{tag} class="left">' if place in block.left else f"<{tag}>" for place in range(len(cells))]
+        told = (f"{start}{_inline(cell)}</{tag}>" for start, cell in zip(starts, cells, strict=True))
+        return f"<tr>{''.join(told)}</tr>"
+
+    rows = "\n".join(line(row, "td") for row in block.rows)
+    return (
+        f'<div class="wide">\n<table>\n<thead>{line(block.head, "th")}</thead>\n<tbody>\n{rows}\n</tbody>\n'
+        "</table>\n</div>"
+    )
+
+
+def _inline(text: str) -> str:
+    told = html.escape(text)
+    told = told.replace("&lt;br&gt;", "<br>")
+    told = re.sub(r"`([^`]+)`", r"<code>\1</code>", told)
+    told = re.sub(r"\*\*([^*]+)\*\*", r"<strong>\1</strong>", told)
+    # Files of the documentation are not beside a report; what a link leads to elsewhere is.
+    told = re.sub(r"\[([^\]]+)\]\((https?://[^)]+)\)", r'<a href="\2">\1</a>', told)
+    return re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", told)
