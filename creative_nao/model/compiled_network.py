@@ -70,6 +70,7 @@ class CompiledNetwork:
         self,
         vectors: list[np.ndarray],
         ratios: np.ndarray,
+        allowed: np.ndarray,
         epoch: int,
         best_loss: float,
         learning_rate: float,
@@ -79,6 +80,7 @@ class CompiledNetwork:
         Args:
             vectors: Parameters, first and second moment of Adam, best parameters so far; flat float32.
             ratios: Closed-loop ratio of each epoch.
+            allowed: Whether each epoch may be the best, bool.
             epoch: Epochs done before.
             best_loss: Lowest loss before.
             learning_rate: Step size of Adam.
@@ -90,8 +92,8 @@ class CompiledNetwork:
         packed = [self._packing.pack(vector) for vector in vectors]
         losses = np.empty(len(ratios))
         n_done, best_epoch, _ = fused.run_epochs(
-            self.layout, self._work, *packed, np.ascontiguousarray(ratios, np.float32), losses, epoch,
-            float(best_loss), float(learning_rate),
+            self.layout, self._work, *packed, np.ascontiguousarray(ratios, np.float32), allowed, losses,
+            epoch, float(best_loss), float(learning_rate),
         )  # fmt: skip
         new = [self._packing.unpack(p, vector) for p, vector in zip(packed, vectors, strict=True)]
         return new, losses[:n_done], best_epoch

@@ -15,6 +15,7 @@ import numpy as np
 from creative_nao.errors import TrainingError
 from creative_nao.model.config import NetworkSettings, TrainingSettings
 from creative_nao.model.parameters import initial_vector, views
+from creative_nao.model.schedule import candidates
 
 
 @dataclasses.dataclass
@@ -56,7 +57,7 @@ def make_engine(
 
     Args:
         network: Sizes and time constants.
-        training: Learning rate and the name of the engine.
+        training: Learning rate, schedule of the ratio, and the name of the engine.
         codes: Target codes, (n_actions, longest, n_codes) float32, from `targets.target_codes`.
         lengths: Steps of each action.
 
@@ -68,7 +69,7 @@ def make_engine(
 
     def advance(state: TrainingState, ratios: np.ndarray) -> None:
         done = state.epoch
-        losses, best_epoch = run_epochs(state, ratios)
+        losses, best_epoch = run_epochs(state, ratios, candidates(training, ratios))
         if best_epoch:
             state.best_epoch, state.best_loss = done + best_epoch, float(losses[best_epoch - 1])
         state.loss_history = np.concatenate([state.loss_history, losses])
@@ -82,9 +83,10 @@ def make_engine(
     return advance
 
 
-# An engine runs one epoch per ratio, or stops where the loss is not finite. It changes the vectors of the state and
-# returns the losses of the epochs done and which of these is the best so far, counted from 1 (0: none).
-RunEpochs = Callable[[TrainingState, np.ndarray], tuple[np.ndarray, int]]
+# An engine runs one epoch per ratio, or stops where the loss is not finite; the third argument says which epochs may be
+# the best. It changes the vectors of the state and returns the losses of the epochs done and which of these is the best
+# so far, counted from 1 (0: none).
+RunEpochs = Callable[[TrainingState, np.ndarray, np.ndarray], tuple[np.ndarray, int]]
 
 
 def _fused_engine(
@@ -94,10 +96,10 @@ def _fused_engine(
 
     compiled = CompiledNetwork(network, codes, lengths)
 
-    def run_epochs(state: TrainingState, ratios: np.ndarray) -> tuple[np.ndarray, int]:
+    def run_epochs(state: TrainingState, ratios: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, int]:
         vectors = [state.vector, state.first_moment, state.second_moment, state.best_vector]
         vectors, losses, best_epoch = compiled.run_epochs(
-            vectors, ratios, state.epoch, state.best_loss, training.learning_rate
+            vectors, ratios, allowed, state.epoch, state.best_loss, training.learning_rate
         )
         state.vector, state.first_moment, state.second_moment, state.best_vector = vectors
         return losses, best_epoch
@@ -136,16 +138,16 @@ def _reference_engine(
         state.first_moment = np.concatenate([s["exp_avg"].numpy().ravel() for s in states])
         state.second_moment = np.concatenate([s["exp_avg_sq"].numpy().ravel() for s in states])
 
-    def run_epochs(state: TrainingState, ratios: np.ndarray) -> tuple[np.ndarray, int]:
+    def run_epochs(state: TrainingState, ratios: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, int]:
         put(state, state.epoch + 1)
         losses, best_loss, best_epoch = [], state.best_loss, 0
-        for ratio in ratios:
+        for ratio, may_be_best in zip(ratios, allowed, strict=True):
             adam.zero_grad()
             loss = kl_divergence(net(target, float(ratio)), target, steps)
             if not math.isfinite(loss.item()):
                 break
             losses.append(loss.item())
-            if losses[-1] < best_loss:
+            if may_be_best and losses[-1] < best_loss:
                 best_loss, best_epoch, state.best_vector = losses[-1], len(losses), net.parameter_vector()
             loss.backward()
             adam.step()

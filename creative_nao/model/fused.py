@@ -263,7 +263,7 @@ def adam_step(vector, gradient, real, first, second, epoch, learning_rate):
 
 
 @compiled()
-def run_epochs(lay, work, vector, first, second, best, ratios, losses, epoch, best_loss, learning_rate):
+def run_epochs(lay, work, vector, first, second, best, ratios, allowed, losses, epoch, best_loss, learning_rate):
     """Train for one epoch per closed-loop ratio, or until the loss is not finite.
 
     Args:
@@ -271,6 +271,7 @@ def run_epochs(lay, work, vector, first, second, best, ratios, losses, epoch, be
         vector, first, second: Packed parameters and Adam's moments, changed in place.
         best: Packed parameters of the epoch with the lowest loss, replaced when a lower one comes.
         ratios: Closed-loop ratios, float32.
+        allowed: Whether each epoch may be the best, bool.
         losses: Where the losses go; that of an epoch is the loss of the parameters before its step.
         epoch: Epochs done before.
         best_loss: Lowest loss before.
@@ -286,7 +287,7 @@ def run_epochs(lay, work, vector, first, second, best, ratios, losses, epoch, be
         if not math.isfinite(loss):
             return i, best_epoch, best_loss
         losses[i] = loss
-        if loss < best_loss:
+        if allowed[i] and loss < best_loss:
             best_loss, best_epoch = loss, i + 1
             for k in range(0, vector.size, 16):
                 store(load16(vector, k), best, k)
