@@ -1,11 +1,11 @@
 """Which basic action a new one resembles in each stretch of time, so that it can be read: first this, then that.
 
 The definition in full. A *window* of fixed length slides over the trajectory tick by tick. Each window is *aligned*
-with each basic action by subsequence DTW: it may lie anywhere on the action and, within, be slower or faster; the cost is
-the smallest sum of Euclidean distances of postures along a path that uses every posture of the window, divided by the
-number of its postures: the mean distance at which the action is followed [rad]. A *tick's distance* from an action is
-that of the best window that contains the tick. So a tick close to a seam is judged by the window on its own side, and
-the seam is not smeared over a window's length.
+with each basic action by subsequence DTW: it may lie anywhere on the action and, within, be slower or faster; the cost
+is the smallest sum of Euclidean distances of postures along a path that uses every posture of the window, divided by
+the number of its postures: the mean distance at which the action is followed [rad]. A *tick's distance* from an action
+is that of the best window that contains the tick. So a tick close to a seam is judged by the window on its own side,
+and the seam is not smeared over a window's length.
 
 At rest all actions are in the same guard and equally near: there `margin` is small, and the answer means little.
 """
@@ -31,7 +31,7 @@ SWITCH_COST = 1.0
 
 
 class Stretch(NamedTuple):
-    """Ticks from `first` up to, but without, `end` that resemble one basic action, in the mean `distance` [rad] away."""
+    """Ticks from `first` up to, but without, `end`: they resemble one basic action at a mean `distance` [rad]."""
 
     first: int
     end: int

@@ -148,7 +148,8 @@ def pb_map(memory: Memory, resolution: int = PAPER_RESOLUTION, criteria: Criteri
         SettingsError: If the memory does not have two PB units or `resolution` is below 2.
     """
     if memory.network.n_pb != 2:
-        raise SettingsError(f"a PB map needs a memory with n_pb = 2, but this one has {memory.network.n_pb}")
+        hint = "; `pb_slice` charts two of them" if memory.network.n_pb > 2 else ""
+        raise SettingsError(f"a PB map needs a memory with n_pb = 2, but this one has {memory.network.n_pb}{hint}")
     if resolution > MAX_RESOLUTION:
         raise SettingsError(f"`resolution` should be at most {MAX_RESOLUTION}, but is {resolution}")
     criteria = Criteria() if criteria is None else criteria
