@@ -19,6 +19,7 @@ COMMANDS = {
     "train": ("train", "TrainSettings", "train a memory on basic actions"),
     "map": ("map", "MapSettings", "generate and score a whole grid of a memory's PB space"),
     "score": ("score", "ScoreSettings", "score recorded movements against the basic actions"),
+    "infer": ("infer", "InferSettings", "find the point of a memory's PB space that makes a recorded movement"),
     "evaluate": ("evaluate", "EvaluateSettings", "compare agents on a suite; ends with a table and a report"),
     "memories": ("memories", "MemoriesSettings", "list the shipped memories"),
     "doctor": ("doctor", "DoctorSettings", "say what this machine can do"),
