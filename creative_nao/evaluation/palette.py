@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
-from creative_nao.pb_space.palette import BASIC_ACTIONS, FLUCTUATING, INK, NON_MOVING
+from creative_nao.pb_space.palette import (
+    BASIC_ACTIONS,
+    BLUE,
+    BROWN,
+    FLUCTUATING,
+    GREEN,
+    INK,
+    NON_MOVING,
+    ORANGE,
+    SKY,
+    YELLOW,
+)
 
 FAINT = "#8A9199"
 
-AGENTS = {"supervised": "#004FE5", "random": "#E97E00", "ppo": "#009E73"}
+AGENTS = {"supervised": BLUE, "random": ORANGE, "ppo": GREEN}
 MARKERS = {"supervised": "o", "random": "s", "ppo": "D"}
 """Agents differ in shape too, so that nothing rests on colour alone."""
 
 OUTCOMES = {
-    "learned": "#009E73",
-    "unlearned": "#66D6FF",
+    "learned": GREEN,
+    "unlearned": SKY,
     "fluctuating": FLUCTUATING,
     "non_moving": NON_MOVING,
-    "joint_limit": "#8B2F00",
-    "torque_saturated": "#E97E00",
-    "tracking_error": "#EDD912",
-    "self_collision": "#004FE5",
+    "joint_limit": BROWN,
+    "torque_saturated": ORANGE,
+    "tracking_error": YELLOW,
+    "self_collision": BLUE,
     "fell": INK,
 }
 """Outcomes that a robot can use first, then the reasons why not."""

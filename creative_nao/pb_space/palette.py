@@ -5,7 +5,8 @@ Colour never stands alone: regions have borders, basic actions letters, inapprop
 
 from __future__ import annotations
 
-BASIC_ACTIONS = ("#004FE5", "#E97E00", "#009E73", "#8B2F00", "#66D6FF", "#EDD912")
+BLUE, ORANGE, GREEN, BROWN, SKY, YELLOW = "#004FE5", "#E97E00", "#009E73", "#8B2F00", "#66D6FF", "#EDD912"
+BASIC_ACTIONS = (BLUE, ORANGE, GREEN, BROWN, SKY, YELLOW)
 """Of the basic actions, in their order; with more than six they begin again."""
 FLUCTUATING = "#4B0082"
 NON_MOVING = "#CD94B5"

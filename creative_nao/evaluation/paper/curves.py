@@ -76,7 +76,7 @@ def table_dots(networks: Sequence[Figures], rows: Sequence[Mapping[str, Any]]) -
     return drawn
 
 
-def _mean(ax: Axes, place: float, measured: Mapping[str, float | None] | None, condition: str) -> None:
+def _mean(ax: Axes, place: float, measured: Mapping[str, Any] | None, condition: str) -> None:
     if measured is None:
         return
     colour = CONDITION_COLOURS[condition]

@@ -77,7 +77,7 @@ def walk(memory: Memory, charted: PBMap) -> Figure:
     generated = memory.generate(points)
     scores = score(generated, memory.demonstrations)
     drawn = Figure(figsize=(10.8, 6.6), layout="constrained")
-    left, right = drawn.subfigures(1, 2, width_ratios=(1.0, 1.25))
+    left, right = np.asarray(drawn.subfigures(1, 2, width_ratios=(1.0, 1.25))).ravel()
     ax = left.subplots()
     draw_on(ax, charted)
     ax.grid(visible=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +18,8 @@ from creative_nao.model import Memory
 from creative_nao.pb_space import PBMap
 from creative_nao.pb_space.palette import BASIC_ACTIONS
 
-RIGHT, LEFT = "-", (0, (3, 1.5))
+RIGHT: Any = "-"
+LEFT: Any = (0, (3, 1.5))
 
 
 @dataclass(frozen=True, eq=False)
