@@ -16,7 +16,7 @@ from creative_nao.evaluation.drawing import figure
 from creative_nao.measures import farthest_points
 from creative_nao.model import Memory
 from creative_nao.pb_space import PBMap
-from creative_nao.pb_space.palette import BASIC_ACTIONS
+from creative_nao.pb_space.palette import BASIC_ACTIONS, INK
 
 RIGHT: Any = "-"
 LEFT: Any = (0, (3, 1.5))
@@ -108,7 +108,7 @@ def joint_legend(demos: Demonstrations) -> list[Line2D]:
     pairs = list(dict.fromkeys(joint[1:] for joint in demos.joints))
     handles = [Line2D([], [], color=BASIC_ACTIONS[k % len(BASIC_ACTIONS)], label=pair) for k, pair in enumerate(pairs)]
     arms = (("right arm", RIGHT), ("left arm", LEFT))
-    return [*handles, *(Line2D([], [], color="#000000", linestyle=style, label=word) for word, style in arms)]
+    return [*handles, *(Line2D([], [], color=INK, linestyle=style, label=word) for word, style in arms)]
 
 
 def _panels(demos: Demonstrations, shown: Sequence[Example], n_columns: int) -> Figure:

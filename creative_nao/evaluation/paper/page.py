@@ -140,11 +140,17 @@ def _files(content: Content) -> list[str]:
 def _in_short(content: Content) -> list[Block]:
     blocks: list[Block] = [Heading("In short")]
     groups = {verdict: [one for one in content.claims if one["verdict"] == verdict] for verdict in SIGN}
-    counts = ", ".join(f"{len(groups[verdict])} {verdict}" for verdict in (HOLDS, FAILS, UNDECIDED))
-    blocks.append(Text(f"Of {len(content.claims)} statements of the paper: {counts} at these seeds."))
+    n_hold, n_fail, n_open = (len(groups[verdict]) for verdict in (HOLDS, FAILS, UNDECIDED))
+    blocks.append(
+        Text(
+            f"Of {len(content.claims)} statements of the paper, {n_hold} hold over these seeds, {n_fail} do not, and "
+            f"{n_open} stay undecided."
+        )
+    )
     lines = [f"{SIGN[FAILS]}: {one['says']} {_against(one)}" for one in groups[FAILS]]
     lines += [f"{SIGN[HOLDS]}: {one['says']}" for one in groups[HOLDS]]
-    lines += [f"{SIGN[UNDECIDED]}: {one['says']}" for one in groups[UNDECIDED]]
+    if groups[UNDECIDED]:
+        lines.append(f"{SIGN[UNDECIDED]}: " + " ".join(one["says"] for one in groups[UNDECIDED]))
     blocks.append(Bullets(tuple(lines)))
     if content.sensitivity:
         blocks.append(Bullets(tuple(sensitivity_page.findings(content.sensitivity))))
