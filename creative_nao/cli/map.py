@@ -24,6 +24,13 @@ class MapSettings:
     """NPZ file to write; the picture stands beside it, ending in .png."""
     resolution: int = PAPER_RESOLUTION
     """Points along each axis of the PB space."""
+    physical: bool = False
+    """Let the simulated robot perform every movement and map what its body makes of it; 200 x 200 take about 25 minutes
+    of one core."""
+    resume: bool = False
+    """With --physical: go on where a killed run ended."""
+    n_threads: int | None = None
+    """With --physical: movements performed at the same time; by default one a core."""
     seed: int = 0
     """Seed of the draws of novelty and diversity."""
     json: bool = False
@@ -34,6 +41,15 @@ def run(settings: MapSettings) -> int:
     """Make the map, write both files, print the figures of the paper's Table I."""
     if settings.out.suffix != ".npz":
         raise SettingsError(f"--out should end in .npz, but is {settings.out}")
+    if not settings.physical and (settings.resume or settings.n_threads is not None):
+        raise SettingsError("--resume and --n-threads go with --physical")
+    if settings.physical:
+        from creative_nao.cli.map_physical import run_physical  # loads MuJoCo, which the mental map does not need
+
+        return run_physical(
+            settings.memory, settings.out, settings.resolution,
+            n_threads=settings.n_threads, resume=settings.resume, as_json=settings.json,
+        )  # fmt: skip
     memory = load_memory(settings.memory)
     chart = pb_map(memory, settings.resolution)
     trajectories = chart.trajectories

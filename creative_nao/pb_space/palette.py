@@ -10,6 +10,16 @@ BASIC_ACTIONS = (BLUE, ORANGE, GREEN, BROWN, SKY, YELLOW)
 """Of the basic actions, in their order; with more than six they begin again."""
 FLUCTUATING = "#4B0082"
 NON_MOVING = "#CD94B5"
+UNUSABLE: dict[str, tuple[str, str]] = {
+    "fluctuating": (FLUCTUATING, "\\\\\\\\"),
+    "non_moving": (NON_MOVING, "////"),
+    "joint_limit": ("#6E6E6E", "||||"),
+    "fell": ("#000000", "xxxx"),
+    "self_collision": ("#C2003A", "oo"),
+    "torque_saturated": ("#3C4A4F", "...."),
+    "tracking_error": ("#9A9A9A", "----"),
+}
+"""Colour and hatching of what cannot be used: the two kinds of the paper, then what only a body adds."""
 PAPER_WHITE = "#F5F5F5"
 """What a colour fades to as the similarity to the basic action falls."""
 INK = "#22262B"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from creative_nao.atomic import replacing
-from creative_nao.pb_space.palette import FLUCTUATING, INK, NON_MOVING, PAPER_WHITE, action_colour, action_letter, rgb
+from creative_nao.pb_space.palette import INK, PAPER_WHITE, UNUSABLE, action_colour, action_letter, rgb
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,14 +24,14 @@ HALF_DISTANCE = 10.0
 def map_image(pb_map: PBMap) -> np.ndarray:
     """Return the colours of the map, shape (resolution, resolution, 3) in [0, 1], row 0 at PB 2 = -1.
 
-    Colour is the nearest basic action, strength its similarity 2^(-distance / 10); what cannot be used has its own two.
+    Colour is the nearest basic action, strength its similarity 2^(-distance / 10); what cannot be used has its own.
     """
     colours = np.array([rgb(action_colour(place)) for place in range(len(pb_map.names))])
     similarity = 2.0 ** (-pb_map.distance / HALF_DISTANCE)
     weight = (0.15 + 0.85 * similarity)[:, None]
     image = weight * colours[pb_map.nearest] + (1 - weight) * np.array(rgb(PAPER_WHITE))
-    image[pb_map.outcome == "fluctuating"] = rgb(FLUCTUATING)
-    image[pb_map.outcome == "non_moving"] = rgb(NON_MOVING)
+    for outcome, (colour, _) in UNUSABLE.items():
+        image[pb_map.outcome == outcome] = rgb(colour)
     return image.reshape(pb_map.resolution, pb_map.resolution, 3)
 
 
@@ -46,7 +46,7 @@ def draw_on(axes: Axes, pb_map: PBMap) -> None:
         extent=(-1 - half_cell, 1 + half_cell, -1 - half_cell, 1 + half_cell),
     )  # fmt: skip
     axis = np.linspace(-1, 1, n)
-    for outcome, hatch in (("fluctuating", "\\\\\\\\"), ("non_moving", "////")):
+    for outcome, (_, hatch) in UNUSABLE.items():
         mask = (pb_map.outcome == outcome).reshape(n, n).astype(float)
         if mask.any():
             filled = axes.contourf(axis, axis, mask, levels=[0.5, 1.5], colors="none", hatches=[hatch])
@@ -79,7 +79,10 @@ def legend_handles(pb_map: PBMap) -> list[Any]:
         )
         for place, name in enumerate(pb_map.names)
     ]
-    for outcome, colour, hatch in (("fluctuating", FLUCTUATING, "\\\\\\"), ("non_moving", NON_MOVING, "///")):
+    for outcome, (colour, hatch) in UNUSABLE.items():
+        if outcome not in ("fluctuating", "non_moving") and not (pb_map.outcome == outcome).any():
+            continue  # the two kinds of the paper are always told, those of the body where they happen
+        hatch = hatch[:-1] if len(hatch) > 2 else hatch
         label = f"{outcome.replace('_', '-')}  ({pb_map.share_pct(outcome):.1f} %)"
         handles.append(Patch(facecolor=colour, edgecolor="white", hatch=hatch, label=label))
     return handles

@@ -1,7 +1,7 @@
 """The NAO in MuJoCo, its ring and its bag, how it performs a trajectory and how it is filmed; ignorant of any network.
 
 - Robot: `Nao`, `ServoSettings`, `Stiffness`, `POSTURES`, `posture`, `arm_angles`
-- Surroundings: `Ring`, `Bag`, `Scene`, `Index`, `place`
+- Surroundings: `Ring`, `Bag`, `Scene`, `bare_scene`, `Index`, `place`
 - Performing: `Performer`, `PlaybackSettings`, `Performance`, `Hits`
 - Judging: `PhysicalLimits`, `first_failure`, `PHYSICAL_FAILURES`
 - Drawing: `Renderer`, `can_draw`, `pictures`, `moments`, `film_strip`, `write_gif`, `imagined_frames`
@@ -19,6 +19,7 @@ from creative_nao.robot import headless
 if TYPE_CHECKING:
     from creative_nao.robot.arena import Ring
     from creative_nao.robot.bag import Bag
+    from creative_nao.robot.bare import bare_scene
     from creative_nao.robot.feasibility import PHYSICAL_FAILURES, PhysicalLimits, first_failure
     from creative_nao.robot.film import film_strip, imagined_frames, moments, pictures, write_gif
     from creative_nao.robot.nao import Nao
@@ -46,6 +47,7 @@ __all__ = [
     "ServoSettings",
     "Stiffness",
     "arm_angles",
+    "bare_scene",
     "can_draw",
     "film_strip",
     "first_failure",
@@ -74,6 +76,7 @@ _HOMES = {
     "ServoSettings": "servos",
     "Stiffness": "servos",
     "arm_angles": "postures",
+    "bare_scene": "bare",
     "can_draw": "rendering",
     "film_strip": "film",
     "first_failure": "feasibility",

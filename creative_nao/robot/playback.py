@@ -26,6 +26,13 @@ from creative_nao.robot.servos import EFFORT_NM
 
 CYCLE_S = 0.010
 """A new target for the servos every cycle."""
+SENSORS_READ: dict[str, tuple[str, ...]] = {
+    "torque": tuple(f"nao/{joint}_torque" for joint in JOINTS),
+    "self": ("nao/self_contact",),
+    "bag": (BAG_FORCE,),
+    "fists": ("nao/RFist_velocity", "nao/LFist_velocity"),
+}
+"""All that a performance reads besides the state, by what it is read for."""
 _WHOLE = 1e-6
 
 
@@ -197,12 +204,7 @@ def _sensor_columns(model: Any) -> dict[str, np.ndarray]:
         starts = [(int(model.sensor_adr[row]), int(model.sensor_dim[row])) for row in found if row >= 0]
         return np.concatenate([np.arange(0)] + [np.arange(start, start + size) for start, size in starts])
 
-    return {
-        "torque": columns(*(f"nao/{joint}_torque" for joint in JOINTS)),
-        "self": columns("nao/self_contact"),
-        "bag": columns(BAG_FORCE),
-        "fists": columns("nao/RFist_velocity", "nao/LFist_velocity"),
-    }
+    return {purpose: columns(*names) for purpose, names in SENSORS_READ.items()}
 
 
 def _checked(trajectory: np.ndarray) -> np.ndarray:
