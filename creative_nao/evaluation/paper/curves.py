@@ -47,6 +47,7 @@ def learning_curves(memories: Mapping[str, Sequence[Memory]]) -> Figure:
     told = str(n_networks[0]) if len(set(n_networks)) == 1 else " / ".join(map(str, n_networks))
     word = "network" if max(n_networks) == 1 else "networks"
     many.set(yscale="log", xlabel="epoch", ylabel="loss", title=f"Median and range, {told} {word} a condition")
+    many.locator_params(axis="x", nbins=5)
     many.xaxis.set_major_formatter("{x:,.0f}")
     one.set(xlabel="epoch", title=f"One network each, seed {memories['half'][0].training.seed}")
     drawn.legend(*many.get_legend_handles_labels(), loc="outside upper center", ncols=3)

@@ -77,7 +77,7 @@ def examples(
     generated = memory.generate(charts[0].pb)
     best = farthest_points(generated, demos, 2, charts[0].appropriate)
     for place, index in enumerate(best.indices):
-        rank = ("most novel", "farthest from all that and it")[place]
+        rank = ("most novel", "then most novel")[place]
         shown.append(Example(f"{rank}: {memory.name} at {_place(charts[0].pb[index])}", generated[index]))
     for owner, combination in zip(memories, combinations, strict=True):
         if combination is None:
