@@ -41,7 +41,8 @@ def draw_recognition(
     n_columns = min(4, n_joints)
     n_rows = -(-n_joints // n_columns)
     figure = Figure(figsize=(3.0 * n_columns + 3.4, max(3.4, 2.3 * n_rows) + 0.7), layout="constrained")
-    curves, place = figure.subfigures(1, 2, width_ratios=(3.0 * n_columns, 3.4))
+    halves = figure.add_gridspec(1, 2, width_ratios=(3.0 * n_columns, 3.4))
+    curves, place = figure.add_subfigure(halves[0]), figure.add_subfigure(halves[1])
     panels = curves.subplots(n_rows, n_columns, sharex=True, squeeze=False).ravel()
     time_s = np.arange(len(recorded)) * memory.dt_s
     low = min(recorded.min(), found.trajectory.min())
@@ -93,8 +94,10 @@ def _draw_place(axes: Axes, memory: Memory, found: Recognition) -> None:
     names = "\n".join(f"{action_letter(k)}  {n.replace('_', ' ')}" for k, n in enumerate(memory.demonstrations.names))
     axes.set(xlim=(-1.05, 1.05), ylim=(-1.05, 1.05), aspect="equal", xlabel="PB 1", ylabel="PB 2" if two else "PB 1")
     axes.set_title("PB space", fontsize=10, loc="left", color=INK)
-    axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.22), frameon=False, fontsize=9, title=names, alignment="left")
-    axes.get_legend().get_title().set_fontsize(9)
+    axes.legend(
+        loc="upper left", bbox_to_anchor=(0.0, -0.22), frameon=False, fontsize=9, title=names, title_fontsize=9,
+        alignment="left",
+    )  # fmt: skip
     _plain(axes)
 
 
