@@ -165,7 +165,7 @@ def _prefix_errors(
     errors = np.empty((len(horizons), len(cover)))
     size = max(1, SCREEN_TICKS // len(target))
     for start in range(0, len(cover), size):
-        angles = generator(cover[start : start + size], len(target))
+        angles = generator.from_pb(cover[start : start + size], len(target))
         squares = np.cumsum(((angles - target) ** 2).sum(axis=2), axis=1)
         errors[:, start : start + size] = squares[:, horizons - 1].T
     return errors
@@ -200,7 +200,7 @@ def _nearest_by_warping(
     """Return the points of the cover nearest to the target by DTW, of those that squared error ranks first."""
     n = int(min(len(cover), max(1, WARPING_CELLS // len(target) ** 2), SCREEN_TICKS // len(target) + 1))
     ranked = cover[np.argsort(error, kind="stable")[:n]]
-    distances = dtw_matrix(generator(ranked, len(target)), target[None], np.float32)[:, 0]
+    distances = dtw_matrix(generator.from_pb(ranked, len(target)), target[None], np.float32)[:, 0]
     return ranked[np.argsort(distances, kind="stable")[:N_POLISHED]]
 
 

@@ -9,7 +9,22 @@ from __future__ import annotations
 import numpy as np
 
 from creative_nao.model.kernels import F, compiled, exp32, tanh32
-from creative_nao.model.lanes import _add_inputs
+
+
+@compiled()
+def _add_inputs(weights, first, last, senders, out):
+    """Add the weighted rows of `senders` from `first` to `last` to `out`, four at a time."""
+    n_lanes = out.shape[0]
+    full = first + (last - first) // 4 * 4
+    for k in range(first, full, 4):
+        w0, w1, w2, w3 = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
+        s0, s1, s2, s3 = senders[k], senders[k + 1], senders[k + 2], senders[k + 3]
+        for lane in range(n_lanes):
+            out[lane] = out[lane] + w0 * s0[lane] + w1 * s1[lane] + w2 * s2[lane] + w3 * s3[lane]
+    for k in range(full, last):
+        w, s = weights[k], senders[k]
+        for lane in range(n_lanes):
+            out[lane] += w * s[lane]
 
 
 @compiled()

@@ -6,8 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from creative_nao.model.generation import PAD, ClosedLoopGenerator
+from creative_nao.model.config import NetworkSettings
+from creative_nao.model.encoding import SoftmaxEncoding
+from creative_nao.model.generation import ClosedLoopGenerator
+from creative_nao.model.parameters import layer_time_constants
 
+PAD = 16
+"""Lanes are filled up to a multiple of this: one 512-bit register of float32."""
 BLOCK = 32
 """Points differentiated side by side; with their derivatives they still fit a fast cache."""
 
@@ -26,26 +31,54 @@ class NormalEquations(NamedTuple):
     downhill: np.ndarray
 
 
-class DifferentiableGenerator(ClosedLoopGenerator):
+class DifferentiableGenerator:
     """A network prepared for generation together with its derivatives, and from any initial state.
 
     An unknown is a row of PB values, followed, if the initial state is sought, by the internal states at tick 0 of the
     neurons of the slowest layer: the only ones that remember it for long.
+
+    Args:
+        settings: Sizes and time constants.
+        parameters: By name, shapes as in `parameters.parameter_shapes`, float32.
+        encoding: The joints' softmax code.
+        initial_posture: Joint angles at tick 0 [rad], shape (n_joints,).
     """
+
+    def __init__(
+        self,
+        settings: NetworkSettings,
+        parameters: dict[str, np.ndarray],
+        encoding: SoftmaxEncoding,
+        initial_posture: np.ndarray,
+    ) -> None:
+        self.from_pb = ClosedLoopGenerator(settings, parameters, encoding, initial_posture)
+        """Generates from PB values alone, without derivatives: (n, n_pb) into (n, n_steps, n_joints) [rad]."""
+        starts = np.concatenate([[0], np.cumsum(settings.layer_sizes)])
+        layer = np.repeat(np.arange(len(settings.layer_sizes)), settings.layer_sizes)
+        # A neuron hears the contiguous block from the first neuron of the layer before to the last of the layer after.
+        heard = starts[np.maximum(layer - 1, 0)], starts[np.minimum(layer + 2, len(starts) - 1)]
+        weights = [np.ascontiguousarray(parameters[name].T) for name in ("w_in", "w_out", "w_hidden", "w_pb")]
+        biases = parameters["b_out"], parameters["b_hidden"]
+        rate = np.float32(1) / layer_time_constants(settings)
+        self._network = (*weights, *biases, settings.layer_sizes[0], *heard, rate)
+        self._n_hidden, self._slow = settings.n_hidden, int(starts[-2])
+        self._references = encoding.references.astype(np.float32)
+        self._initial_posture = np.array(initial_posture, dtype=np.float64)
+        self._initial_code = encoding.encode(self._initial_posture).astype(np.float32)
 
     @property
     def n_slow(self) -> int:
         """Neurons of the slowest layer."""
-        return int(self._starts[-1] - self._starts[-2])
+        return self._n_hidden - self._slow
 
     def initial_state(self, slow: np.ndarray) -> np.ndarray:
         """Return the internal state of all hidden neurons [no unit] at tick 0, `slow` in the slowest layer, else 0."""
-        return np.concatenate([np.zeros(int(self._starts[-2])), slow])
+        return np.concatenate([np.zeros(self._slow), slow])
 
     def trajectories(self, unknowns: np.ndarray, n_pb: int, n_steps: int) -> np.ndarray:
         """Generate from PB and initial state: (n, k) unknowns into (n, n_steps, n_joints) [rad]."""
         if unknowns.shape[1] == n_pb:
-            return self(unknowns, n_steps)
+            return self.from_pb(unknowns, n_steps)
         blocks = [self._block(unknowns[k : k + BLOCK], n_pb, n_steps)[0] for k in range(0, len(unknowns), BLOCK)]
         found = np.concatenate(blocks, axis=-1).transpose(2, 0, 1).astype(np.float64)
         found[:, 0] = self._initial_posture
@@ -73,14 +106,12 @@ class DifferentiableGenerator(ClosedLoopGenerator):
         lanes = -(-n // PAD) * PAD
         pb = np.zeros((n_pb, lanes), np.float32)
         pb[:, :n] = unknowns[:, :n_pb].T
-        state0 = np.zeros((len(self._rate), lanes), np.float32)
-        slow = int(self._starts[-2])
+        state0 = np.zeros((self._n_hidden, lanes), np.float32)
         if n_unknown > n_pb:
-            state0[slow:, :n] = unknowns[:, n_pb:].T
+            state0[self._slow :, :n] = unknowns[:, n_pb:].T
         angles = np.zeros((n_steps, len(self._references), lanes), np.float32)
         slopes = np.zeros((n_steps, len(self._references), n_unknown, lanes), np.float32)
         generate_with_slopes(
-            *self._to_receiver, *self._biases, self._n_fast, self._first, self._last, self._rate,
-            pb, state0, slow, self._initial_code, self._references, angles, slopes,
+            *self._network, pb, state0, self._slow, self._initial_code, self._references, angles, slopes,
         )  # fmt: skip
         return angles[..., :n], slopes[..., :n]
