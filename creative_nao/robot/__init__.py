@@ -3,7 +3,7 @@
 - Robot: `Nao`, `ServoSettings`, `Stiffness`, `POSTURES`, `posture`, `arm_angles`
 - Surroundings: `Ring`, `Bag`, `Scene`, `bare_scene`, `Index`, `place`
 - Performing: `Performer`, `PlaybackSettings`, `Performance`, `Hits`
-- Judging: `PhysicalLimits`, `first_failure`, `PHYSICAL_FAILURES`
+- Judging: `PhysicalLimits`, `failures`, `first_failure`, `PHYSICAL_FAILURES`
 - Drawing: `Renderer`, `can_draw`, `pictures`, `moments`, `film_strip`, `write_gif`, `imagined_frames`
 
 Names load at first use: importing this package alone loads neither MuJoCo nor GL.
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from creative_nao.robot.arena import Ring
     from creative_nao.robot.bag import Bag
     from creative_nao.robot.bare import bare_scene
-    from creative_nao.robot.feasibility import PHYSICAL_FAILURES, PhysicalLimits, first_failure
+    from creative_nao.robot.feasibility import PHYSICAL_FAILURES, PhysicalLimits, failures, first_failure
     from creative_nao.robot.film import film_strip, imagined_frames, moments, pictures, write_gif
     from creative_nao.robot.nao import Nao
     from creative_nao.robot.performance import Hits, Performance
@@ -49,6 +49,7 @@ __all__ = [
     "arm_angles",
     "bare_scene",
     "can_draw",
+    "failures",
     "film_strip",
     "first_failure",
     "imagined_frames",
@@ -78,6 +79,7 @@ _HOMES = {
     "arm_angles": "postures",
     "bare_scene": "bare",
     "can_draw": "rendering",
+    "failures": "feasibility",
     "film_strip": "film",
     "first_failure": "feasibility",
     "imagined_frames": "film",

@@ -41,8 +41,8 @@ class PhysicalLimits:
                 raise SettingsError(f"`{field.name}` should be a number of at least 0, but is {value}.")
 
 
-def first_failure(performance: Performance, limits: PhysicalLimits | None = None) -> str | None:
-    """Return the first of `PHYSICAL_FAILURES` that a performance trips, or None if the body did what was asked.
+def failures(performance: Performance, limits: PhysicalLimits | None = None) -> tuple[str, ...]:
+    """Return all of `PHYSICAL_FAILURES` that a performance trips, in their order; empty if the body did what was asked.
 
     A trajectory beyond the joint ranges was never performable; a fall explains any collision, torque and error after
     it; the error comes last because it follows from the others.
@@ -56,4 +56,9 @@ def first_failure(performance: Performance, limits: PhysicalLimits | None = None
         # Written so that an error that is not a number trips.
         "tracking_error": not bool((performance.mean_error_rad <= limits.tracking_error_rad).all()),
     }
-    return next((name for name in PHYSICAL_FAILURES if tripped[name]), None)
+    return tuple(name for name in PHYSICAL_FAILURES if tripped[name])
+
+
+def first_failure(performance: Performance, limits: PhysicalLimits | None = None) -> str | None:
+    """Return the first of the failures, the one that explains the others, or None if the body did what was asked."""
+    return next(iter(failures(performance, limits)), None)
