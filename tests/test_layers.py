@@ -7,10 +7,23 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "creative_nao"
 BASE = {"joints", "errors", "atomic", "provenance", "tensorfile"}
-ORDER = ["cli", "explorer", "evaluation", "agents", "envs", "pb_space", "model", "demonstrations", "measures", "robot"]
+ORDER = [
+    "cli",
+    "explorer",
+    "evaluation",
+    "agents",
+    "envs",
+    "pb_space",
+    "model",
+    "exchange",
+    "demonstrations",
+    "measures",
+    "robot",
+]
 MAY_IMPORT = {part: set(ORDER[place + 1 :]) | BASE for place, part in enumerate(ORDER)}
 MAY_IMPORT["measures"] = BASE  # siblings: measures and robot know nothing of each other
 MAY_IMPORT["demonstrations"] = {"robot"} | BASE
+MAY_IMPORT["exchange"] = {"demonstrations"} | BASE
 MAY_IMPORT["robot"] = BASE
 
 

@@ -1,0 +1,218 @@
+"""The part of YAML that a ROS message needs: nested mappings, lists, numbers, short texts. Nothing can be executed.
+
+Anchors, tags, several documents and texts over several lines are refused, not guessed at.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from creative_nao.errors import FileFormatError
+
+_MAX_DEPTH = 12
+_KEY = re.compile(r"""(?P<key>[A-Za-z_][\w/.-]*|"[^"\\]*"|'[^']*')\s*:(?:\s+(?P<rest>.*))?$""", re.ASCII)
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+_WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
+_REFUSED = ("&", "*", "!", "|", ">", "%", "@", "`", "?")
+
+
+def dump(value: object, indent: int = 0) -> str:
+    """Return a mapping as YAML text; lists of numbers and small mappings stand on one line (their JSON is YAML)."""
+    lines = []
+    space = " " * indent
+    assert isinstance(value, dict)
+    for key, item in value.items():
+        if isinstance(item, dict) and any(isinstance(part, dict | list) for part in item.values()):
+            lines.append(f"{space}{key}:\n{dump(item, indent + 2)}")
+        elif isinstance(item, list) and item and isinstance(item[0], dict):
+            entries = [dump(part, indent + 2) for part in item]
+            lines += [f"{space}{key}:"] + [f"{space}- {entry[indent + 2 :]}" for entry in entries]
+        else:
+            lines.append(f"{space}{key}: {json.dumps(item, allow_nan=False)}")
+    return "\n".join(lines)
+
+
+def load(path: Path, text: str) -> Any:
+    """Read YAML text of that part.
+
+    Raises:
+        FileFormatError: If it is torn or uses more of YAML; the message names the line.
+    """
+    return _Reader(path, text).whole()
+
+
+class _Reader:
+    """Reads lines of a block by their indentation, and what stands on one line by characters."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        self.path = path
+        self.lines: list[tuple[int, int, str]] = []
+        for number, raw in enumerate(text.splitlines(), start=1):
+            if raw.strip() in ("---", "...") and not self.lines:
+                continue
+            line = _without_comment(raw)
+            if not line.strip():
+                continue
+            if "\t" in line[: len(line) - len(line.lstrip())]:
+                raise FileFormatError(f"{path}: line {number}: tabs cannot indent YAML.")
+            self.lines.append((number, len(line) - len(line.lstrip()), line.strip()))
+        self.next = 0
+
+    def whole(self) -> Any:
+        if not self.lines:
+            raise FileFormatError(f"{self.path}: is empty, expected YAML.")
+        found = self.block(self.lines[0][1], 0)
+        if self.next < len(self.lines):
+            if self.lines[self.next][2] in ("---", "..."):
+                self.lines = self.lines[: self.next + 1]
+                if self.next == len(self.lines) - 1:
+                    return found
+            self.fail("does not belong to what stands above it (indentation?)")
+        return found
+
+    def fail(self, reason: str) -> Any:
+        number, _, line = self.lines[min(self.next, len(self.lines) - 1)]
+        raise FileFormatError(f"{self.path}: line {number}: {line[:60]!r} {reason}.")
+
+    def block(self, indent: int, depth: int) -> Any:
+        if depth > _MAX_DEPTH:
+            self.fail(f"is nested more than {_MAX_DEPTH} deep")
+        line = self.lines[self.next][2]
+        if line == "-" or line.startswith("- "):
+            return self.entries(indent, depth)
+        return self.mapping(indent, depth)
+
+    def entries(self, indent: int, depth: int) -> list[Any]:
+        found = []
+        while self.next < len(self.lines) and self.lines[self.next][1] == indent:
+            number, _, line = self.lines[self.next]
+            if not (line == "-" or line.startswith("- ")):
+                break
+            rest = line[1:].strip()
+            if not rest:
+                self.next += 1
+                found.append(self.nested(indent, depth))
+            elif _KEY.match(rest) and rest[0] not in "[{":
+                inner = indent + len(line) - len(line[1:].lstrip())
+                self.lines[self.next] = (number, inner, rest)
+                found.append(self.mapping(inner, depth + 1))
+            else:
+                found.append(self.scalar(rest))
+                self.next += 1
+        return found
+
+    def mapping(self, indent: int, depth: int) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        while self.next < len(self.lines) and self.lines[self.next][1] == indent:
+            line = self.lines[self.next][2]
+            if line == "-" or line.startswith("- ") or line in ("---", "..."):
+                break
+            match = _KEY.match(line)
+            if not match:
+                self.fail("is not `key: value`")
+                break
+            key, rest = match["key"].strip("\"'"), (match["rest"] or "").strip()
+            if key in found:
+                self.fail("stands there twice")
+            if rest:
+                found[key] = self.scalar(rest)
+                self.next += 1
+            else:
+                self.next += 1
+                found[key] = self.nested(indent, depth, below=True)
+        return found
+
+    def nested(self, indent: int, depth: int, *, below: bool = False) -> Any:
+        """Read what is indented under a key or a dash; a list may stand as far left as its key."""
+        if self.next >= len(self.lines):
+            return None
+        _, inner, line = self.lines[self.next]
+        is_list = line == "-" or line.startswith("- ")
+        if inner > indent or (below and inner == indent and is_list):
+            return self.block(inner, depth + 1)
+        return None
+
+    def scalar(self, text: str) -> Any:
+        if text[0] in "[{":
+            value, rest = self.flow(text, 0)
+            return value if not rest.strip() else self.fail("has something after its closing bracket")
+        if text[0] in _REFUSED:
+            return self.fail(f"uses `{text[0]}`, a part of YAML that is not read here")
+        return _plain(text)
+
+    def flow(self, text: str, depth: int) -> tuple[Any, str]:
+        """Read `[...]`, `{...}` or a word from the start of `text`; return it and what follows."""
+        if depth > _MAX_DEPTH:
+            self.fail(f"is nested more than {_MAX_DEPTH} deep")
+        text = text.lstrip()
+        if text[:1] == "[":
+            return self.flow_list(text[1:], depth)
+        if text[:1] == "{":
+            return self.flow_mapping(text[1:], depth)
+        match = re.match(r"""\s*("[^"\\]*"|'[^']*'|[^,\[\]{}"']*)""", text)
+        word = match[1] if match else ""
+        if word[:1] and word[0] in _REFUSED:
+            self.fail(f"uses `{word[0]}`, a part of YAML that is not read here")
+        return _plain(word.strip()), text[match.end() if match else 0 :]
+
+    def flow_list(self, text: str, depth: int) -> tuple[list[Any], str]:
+        close = text.find("]")
+        inner = text[: close if close >= 0 else 0]
+        if close >= 0 and not any(mark in inner for mark in "[{\"'"):  # by far the most frequent: numbers only
+            return [_plain(word.strip()) for word in inner.split(",")] if inner.strip() else [], text[close + 1 :]
+        found = []
+        while True:
+            text = text.lstrip()
+            if text[:1] == "]":
+                return found, text[1:]
+            value, text = self.flow(text, depth + 1)
+            found.append(value)
+            text = text.lstrip()
+            if text[:1] == ",":
+                text = text[1:]
+            elif text[:1] != "]":
+                self.fail("has a list that is not closed on its line")
+
+    def flow_mapping(self, text: str, depth: int) -> tuple[dict[str, Any], str]:
+        found: dict[str, Any] = {}
+        while True:
+            text = text.lstrip()
+            if text[:1] == "}":
+                return found, text[1:]
+            match = re.match(r"""([A-Za-z_]\w*|"[^"\\]*"|'[^']*')\s*:\s*""", text, re.ASCII)
+            if not match:
+                self.fail("has a mapping that cannot be read")
+                break
+            found[match[1].strip("\"'")], text = self.flow(text[match.end() :], depth + 1)
+            text = text.lstrip()
+            if text[:1] == ",":
+                text = text[1:]
+            elif text[:1] != "}":
+                self.fail("has a mapping that is not closed on its line")
+        return found, text
+
+
+def _without_comment(line: str) -> str:
+    if "#" not in line:
+        return line.rstrip()
+    quote = ""
+    for place, mark in enumerate(line):
+        if quote:
+            quote = "" if mark == quote else quote
+        elif mark in "\"'":
+            quote = mark
+        elif mark == "#" and (place == 0 or line[place - 1] in " \t"):
+            return line[:place].rstrip()
+    return line.rstrip()
+
+
+def _plain(word: str) -> Any:
+    """Return a number, a truth value, nothing, or the text itself."""
+    if word[:1] in ("'", '"'):
+        return word[1:-1]
+    if _NUMBER.fullmatch(word):
+        return int(word) if re.fullmatch(r"[-+]?\d{1,18}", word, re.ASCII) else float(word)
+    return _WORDS.get(word.lower(), word)
