@@ -63,7 +63,7 @@ def connect(ip, port):
 def dry_run(when, stiffness):
     """Print what the robot would be asked."""
     print("dry run: nothing is sent to a robot")
-    print("source: %s" % metadata.get("source", "unknown"))
+    print("source: %s" % json.dumps(metadata.get("source", "unknown")))  # ASCII, whatever the console
     print("stiffness %.2f, %d joints, %.2f s, first posture after %.2f s" % (
         stiffness, len(names), when[0][-1], when[0][0]))
     for name, one_times, one_keys in zip(names, when, keys):
