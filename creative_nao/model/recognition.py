@@ -1,10 +1,12 @@
 """Recognition: which point of the PB space makes a given movement?
 
-The error as a function of PB is rugged, because a closed loop amplifies small differences tick by tick: half a grid
-cell of the 200 x 200 map may lie between two other movements. Its first ticks, though, change smoothly. So the search
-goes from short to long: many descents, side by side, first fit the first ticks, are then shown more and more of the
-movement, and at every length the best points of an even cover of the PB space join them. In the end a local search
-lowers the warping distance itself, which forgives what squared errors do not: being a tick early or late.
+The error as a function of PB is rugged, because a closed loop amplifies small differences tick by tick: neighbouring
+cells of the 200 x 200 map of the shipped open/0 are 12 rad apart by DTW in the mean, more than what parts learned from
+unlearned. The first ticks, though, change smoothly. So the search goes from short to long: many descents, side by side,
+first fit the first ticks, are then shown more and more of the movement, and at every length the best points of an even
+cover of the PB space join them. On open/0, descents at full length alone find 80 % of random points again; from short
+to long it is all of them (benchmarks/recognition.py). In the end a local search lowers the warping distance itself,
+which forgives what squared errors do not: being a tick early or late.
 """
 
 from __future__ import annotations
