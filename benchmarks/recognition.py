@@ -1,6 +1,6 @@
 """Does a memory find the PB of its own movements again, and what does it make of others'?
 
-    python benchmarks/recognition.py [--n 200] [--memories open/0 half/0 closed/0] [--seed 1]
+    python benchmarks/recognition.py [--n 200] [--memories open/0 half/0 closed/0] [--seed 1] [--full-length-only]
 
 Three tables per memory, CPU time of one core:
 
@@ -19,7 +19,7 @@ import numpy as np
 from creative_nao import load_memory
 from creative_nao.demonstrations import Variation, keyframes, vary
 from creative_nao.measures import dtw, dtw_matrix, score
-from creative_nao.model import Memory
+from creative_nao.model import Memory, recognition
 from creative_nao.pb_space import pb_grid
 
 CELL = 2 / 199
@@ -74,7 +74,10 @@ def main() -> None:
     parser.add_argument("--memories", nargs="+", default=["open/0", "half/0", "closed/0"], help="names or files")
     parser.add_argument("--hands", type=int, default=5, help="other hands, six recordings each")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--full-length-only", action="store_true", help="leave out the search from short to long")
     options = parser.parse_args()
+    if options.full_length_only:
+        recognition.N_HORIZONS, recognition.FIRST_HORIZON = 1, 10**9
     for name in options.memories:
         memory = load_memory(name)
         memory.infer_pb(memory.demonstrations.trajectories[0])  # compiles
