@@ -3,6 +3,7 @@
 - Robot: `Nao`, `ServoSettings`, `Stiffness`, `POSTURES`, `posture`, `arm_angles`
 - Surroundings: `Ring`, `Bag`, `Scene`, `bare_scene`, `Index`, `place`
 - Performing: `Performer`, `PlaybackSettings`, `Performance`, `Hits`
+- Differing: `Variation`, `Varied`
 - Judging: `PhysicalLimits`, `failures`, `first_failure`, `PHYSICAL_FAILURES`
 - Drawing: `Renderer`, `can_draw`, `pictures`, `moments`, `film_strip`, `write_gif`, `imagined_frames`
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from creative_nao.robot.rendering import Renderer, can_draw
     from creative_nao.robot.scene import Index, Scene, place
     from creative_nao.robot.servos import ServoSettings, Stiffness
+    from creative_nao.robot.variation import Variation, Varied
 
 __all__ = [
     "PHYSICAL_FAILURES",
@@ -46,6 +48,8 @@ __all__ = [
     "Scene",
     "ServoSettings",
     "Stiffness",
+    "Variation",
+    "Varied",
     "arm_angles",
     "bare_scene",
     "can_draw",
@@ -76,6 +80,8 @@ _HOMES = {
     "Scene": "scene",
     "ServoSettings": "servos",
     "Stiffness": "servos",
+    "Variation": "variation",
+    "Varied": "variation",
     "arm_angles": "postures",
     "bare_scene": "bare",
     "can_draw": "rendering",

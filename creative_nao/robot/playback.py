@@ -23,6 +23,7 @@ from creative_nao.robot import interpolation
 from creative_nao.robot.performance import Hits, Performance, has_fallen, tilt_rad
 from creative_nao.robot.scene import BAG_FORCE, Scene
 from creative_nao.robot.servos import EFFORT_NM
+from creative_nao.robot.variation import Variation, Varied
 
 CYCLE_S = 0.010
 """A new target for the servos every cycle."""
@@ -77,7 +78,27 @@ class Performer:
         self._substeps = round(CYCLE_S / model.opt.timestep)
         self._step_s = CYCLE_S / self._substeps
         self._sensors = _sensor_columns(model)
+        self._varied: Varied | None = None
+        self._latency_cycles, self._noise_rad = 0, 0.0
+        self._rng: np.random.Generator | None = None
         self._settle()
+
+    def vary(self, variation: Variation, rng: np.random.Generator) -> None:
+        """Perform from now on with a robot that differs, and settle it anew; `Variation()` restores the published one.
+
+        The model of the scene is changed: everyone who simulates with it is affected.
+
+        Args:
+            variation: How it differs.
+            rng: Where the noise of the encoders is drawn from.
+        """
+        if self._varied is None:
+            self._varied = Varied(self.scene.model, self.scene.index)
+        self._varied.apply(variation)
+        self._latency_cycles = round(variation.latency_s / CYCLE_S)
+        self._noise_rad, self._rng = variation.encoder_noise_rad, rng
+        self._settle()
+        self.reset()
 
     def _settle(self) -> None:
         """Stand in the guard until at rest and keep that state: the start of every performance."""
@@ -100,6 +121,28 @@ class Performer:
         data.ctrl[:] = self._control
         mujoco.mj_forward(model, data)
 
+    def get_state(self) -> np.ndarray:
+        """Return MuJoCo's whole integration state of `data`, shape (n,), for `set_state`."""
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        state = np.empty(mujoco.mj_stateSize(self.scene.model, kind))
+        mujoco.mj_getState(self.scene.model, self.data, state, kind)
+        return state
+
+    def set_state(self, state: np.ndarray) -> None:
+        """Put `data` into a state of `get_state`; performances start from the settled guard all the same.
+
+        Raises:
+            ShapeError: If it is not a state of this model.
+        """
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        size = mujoco.mj_stateSize(self.scene.model, kind)
+        if np.shape(state) != (size,):
+            raise ShapeError(f"`state` should have shape ({size},), but has {np.shape(state)}.")
+        mujoco.mj_setState(self.scene.model, self.data, np.asarray(state, np.float64), kind)
+        mujoco.mj_forward(self.scene.model, self.data)
+        # Forward dynamics leave a warm start of their own; the state that was set is the one to give back.
+        mujoco.mj_setState(self.scene.model, self.data, np.asarray(state, np.float64), kind)
+
     def perform(self, trajectory: np.ndarray, dt_s: float, *, keep_frames: bool = False) -> Performance:
         """Perform a trajectory and measure it.
 
@@ -115,7 +158,7 @@ class Performer:
         trajectory = _checked(trajectory)
         cycles_per_tick = _cycles(dt_s)
         targets, approach = self._targets(trajectory, dt_s, cycles_per_tick)
-        states, sensors = self._run(targets)
+        states, sensors = self._run(self._delayed(targets))
         return self._measure(trajectory, dt_s, cycles_per_tick, targets[approach:], states, sensors, keep_frames)
 
     def _targets(self, trajectory: np.ndarray, dt_s: float, cycles_per_tick: int) -> tuple[np.ndarray, int]:
@@ -130,6 +173,17 @@ class Performer:
         way = interpolation.minimum_jerk(self.guard, fine[0], n_approach) if n_approach else np.empty((0, N_JOINTS))
         fastest = np.array([MAX_SPEED_RAD_S[joint] for joint in JOINTS]) * CYCLE_S
         return interpolation.limit_speed(np.concatenate([way, fine[1:]]), self.guard, fastest), n_approach
+
+    def _delayed(self, targets: np.ndarray) -> np.ndarray:
+        """Return what the servos have received by the end of every cycle."""
+        late = min(self._latency_cycles, len(targets))
+        return np.concatenate([np.repeat(self.guard[None], late, axis=0), targets[: len(targets) - late]])
+
+    def _read(self, angles: np.ndarray) -> np.ndarray:
+        """Return what the encoders tell of joint angles (n, 8) [rad]."""
+        if self._noise_rad > 0 and self._rng is not None:
+            angles = angles + self._rng.normal(0.0, self._noise_rad, angles.shape)
+        return read_encoder(angles)
 
     def _run(self, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Step through all cycles; return the state after and the sensors within every physics step."""
@@ -174,7 +228,7 @@ class Performer:
         saturated = np.abs(felt["torque"]) >= 0.999 * np.array([EFFORT_NM[joint] for joint in JOINTS])
         frame_every = max(1, round(self.settings.frame_dt_s / self._step_s))
         return Performance(
-            measured=read_encoder(each_cycle[::cycles_per_tick]),
+            measured=self._read(each_cycle[::cycles_per_tick]),
             commanded=trajectory,
             dt_s=dt_s,
             mean_error_rad=error.mean(axis=0),

@@ -1,0 +1,76 @@
+"""A robot that differs a little from the published one: mass, friction, gains, latency, encoder noise.
+
+No two robots are alike, and several figures of this one are estimates. What is learned on many variations can be
+trusted more than what holds on one.
+"""
+
+# MuJoCo and PyMJCF tell type checkers nothing about their members.
+# pyright: reportAttributeAccessIssue=false
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from creative_nao.errors import SettingsError
+from creative_nao.robot.scene import Index
+
+
+@dataclasses.dataclass(frozen=True)
+class Variation:
+    """How a robot differs; the defaults are the published robot itself."""
+
+    mass: float = 1.0
+    """Factor of the mass and inertia of every link."""
+    friction: float = 1.0
+    """Factor of the friction of soles, gloves, floor and bag."""
+    kp: float = 1.0
+    """Factor of the proportional gains of all servos."""
+    kd: float = 1.0
+    """Factor of their derivative gains."""
+    latency_s: float = 0.0
+    """Time from a command to its arrival at the servos of the arms [s]; rounded to whole cycles of 10 ms."""
+    encoder_noise_rad: float = 0.0
+    """Standard deviation of what is added to an angle before the encoder counts it [rad]."""
+
+    def __post_init__(self) -> None:
+        """Refuse robots that cannot be."""
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            factor = field.default == 1.0
+            if not math.isfinite(value) or value < 0 or (factor and value == 0):
+                kind = "above 0" if factor else "of at least 0"
+                raise SettingsError(f"`{field.name}` should be a number {kind}, but is {value}.")
+
+
+class Varied:
+    """Changes one compiled model and can change it back; everyone who simulates with the model is affected.
+
+    Args:
+        model: The compiled `mujoco.MjModel`.
+        index: Where the robot stands in it.
+    """
+
+    def __init__(self, model: Any, index: Index) -> None:
+        self._model = model
+        torso = index.torso
+        self._links = np.flatnonzero(model.body_rootid == model.body_rootid[torso])
+        self._mass, self._inertia = model.body_mass.copy(), model.body_inertia.copy()
+        self._friction = model.geom_friction.copy()
+        self._gain, self._bias = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
+
+    def apply(self, variation: Variation) -> None:
+        """Give the model this variation, whatever it had before; the default one restores every bit."""
+        model, links = self._model, self._links
+        model.body_mass[links] = variation.mass * self._mass[links]
+        model.body_inertia[links] = variation.mass * self._inertia[links]
+        model.geom_friction[:] = variation.friction * self._friction
+        model.actuator_gainprm[:] = variation.kp * self._gain
+        # A position servo is gain kp and bias (0, -kp, -kd).
+        model.actuator_biasprm[:] = self._bias
+        model.actuator_biasprm[:, 1] *= variation.kp
+        model.actuator_biasprm[:, 2] *= variation.kd
+        mujoco.mj_setConst(model, mujoco.MjData(model))
