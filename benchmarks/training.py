@@ -73,7 +73,7 @@ def compare(ratio: float, rounds: int) -> float:
     slow, fast = (statistics.median(column) for column in zip(*pairs, strict=True))
     times = statistics.median(a / b for a, b in pairs)
     print(
-        f"closed-loop ratio {ratio:3.1f}: torch {slow:6.3f} ms, compiled {fast:6.3f} ms of CPU an epoch, {times:5.1f} x;"
+        f"closed-loop ratio {ratio}: torch {slow:6.3f} ms, compiled {fast:6.3f} ms of CPU an epoch, {times:5.1f} x;"
         f" {N_EPOCHS} epochs in {fast * N_EPOCHS / 1e3:.0f} s on a core of its own"
     )
     return slow

@@ -18,10 +18,10 @@ from creative_nao.model.encoding import SoftmaxEncoding
 from creative_nao.model.parameters import layer_time_constants
 
 LANES = 64
-"""Most points side by side: four 512-bit registers of float32, and all activations still lie in a fast cache."""
+"""Most points side by side: a multiple of `product.PANEL`, and all activations still lie in a fast cache."""
 PAD = 16
 """Lanes are filled up to a multiple of this, so that no point is computed by a scalar rest of a loop."""
-FEW_POINTS = 4
+FEW_POINTS = 2
 """Up to this many points, one at a time is faster than in lanes."""
 SERIAL_BLOCKS = 8
 """Up to this many blocks of lanes, starting threads costs more than it saves."""
@@ -101,14 +101,14 @@ class ClosedLoopGenerator:
         return trajectory
 
     def _generate_block(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
-        from creative_nao.model.lanes import generate_lanes
+        from creative_nao.model.lanes import PANEL, generate_lanes
 
-        lanes = -(-len(pb) // PAD) * PAD
+        lanes = -(-len(pb) // PANEL) * PANEL
         points = np.zeros((pb.shape[1], pb.shape[2], lanes), np.float32)
         points[:, :, : len(pb)] = pb.transpose(1, 2, 0)
         angles = np.zeros((n_steps, len(self._references), lanes), np.float32)
         generate_lanes(
-            *self._to_receiver, *self._biases, self._n_fast, self._first, self._last, self._rate,
+            *self._to_receiver, *self._biases, self._starts, self._rate,
             points, self._initial_code, self._references, angles,
         )  # fmt: skip
         trajectories = angles[:, :, : len(pb)].transpose(2, 0, 1).astype(np.float64)

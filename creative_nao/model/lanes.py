@@ -1,10 +1,18 @@
-"""The compiled heart of generation: one block of PB points in lanes, closed loop, tick by tick."""
+"""The compiled heart of generation: one block of PB points in lanes, closed loop, tick by tick.
+
+Every sum goes through its senders in ascending order, one multiply-add after the other, here and wherever else points
+are computed: that is what makes results equal to the last bit.
+"""
+
+# pyright: reportCallIssue=false, reportOperatorIssue=false, reportArgumentType=false
 
 from __future__ import annotations
 
 import numpy as np
 
 from creative_nao.model.kernels import F, compiled, exp32, tanh32
+from creative_nao.model.product import PANEL, multiply_panel
+from creative_nao.model.vectors import at_least, load16, multiply_add, spread16, store
 
 
 @compiled()
@@ -24,82 +32,98 @@ def _add_inputs(weights, first, last, senders, out):
 
 
 @compiled()
-def _softmax_and_angle(a, references, angle):
-    """Turn one joint's summed inputs, (n_units, lanes), into its code in place and decode its angle (Eq. 3, 7)."""
-    n_units, n_lanes = a.shape
-    top = a[0].copy()
-    for j in range(1, n_units):
-        row = a[j]
-        for lane in range(n_lanes):
-            top[lane] = max(top[lane], row[lane])
-    total = np.zeros(n_lanes, np.float32)
-    for j in range(n_units):
-        row = a[j]
-        for lane in range(n_lanes):
-            row[lane] = exp32(row[lane] - top[lane])
-            total[lane] += row[lane]
-    for lane in range(n_lanes):
-        total[lane] = F(1) / total[lane]
-        angle[lane] = F(0)
-    for j in range(n_units):
-        row, reference = a[j], references[j]
-        for lane in range(n_lanes):
-            row[lane] *= total[lane]
-            angle[lane] += row[lane] * reference
+def _hear(weights, at, row, senders, low, n_heard, start, out, first, n_receivers, n_lanes):
+    """Sum what receivers hear, in every lane: out[i] = start[i] + sum over k of w_ik senders[k].
+
+    The weights of receiver `first` begin at `at`, those of the next ones `row` further each; senders are those from
+    `low` on. Each sum goes through its senders in ascending order.
+    """
+    for lane in range(0, n_lanes, PANEL):
+        place = first * n_lanes + lane
+        multiply_panel(
+            weights, at, row, 1, senders, low * n_lanes + lane, n_lanes, n_heard,
+            start, place, n_lanes, out, place, n_lanes, n_receivers,
+        )  # fmt: skip
 
 
 @compiled()
-def generate_lanes(
-    w_in, w_out, w_hidden, w_pb, b_out, b_hidden, n_fast, first, last, rate, pb, code0, references, angles
-):
+def _softmax_and_angles(code, references, n_lanes, angles, row):
+    """Turn summed inputs, (n_codes * lanes,), into codes in place and decode the angles of a tick (Eq. 3, 7)."""
+    n_joints, n_units = references.shape
+    for joint in range(n_joints):
+        first = joint * n_units * n_lanes
+        end = first + n_units * n_lanes
+        for lane in range(0, n_lanes, 16):
+            top = load16(code, first + lane)
+            for i in range(first + n_lanes + lane, end, n_lanes):
+                top = at_least(top, load16(code, i))
+            total = spread16(F(0))
+            for i in range(first + lane, end, n_lanes):
+                power = exp32(load16(code, i) - top)
+                store(power, code, i)
+                total = total + power
+            inverse = spread16(F(1)) / total
+            angle = spread16(F(0))
+            for unit in range(n_units):
+                i = first + unit * n_lanes + lane
+                share = load16(code, i) * inverse
+                store(share, code, i)
+                angle = angle + share * references[joint, unit]
+            store(angle, angles, (row + joint) * n_lanes + lane)
+
+
+@compiled()
+def _change_state(a, rate, n_lanes, u, y):
+    """Let the internal states follow the summed inputs and fire (Eq. 2, 3)."""
+    for i in range(rate.size):
+        for lane in range(i * n_lanes, (i + 1) * n_lanes, 16):
+            state = multiply_add(F(1) - rate[i], load16(u, lane), rate[i] * load16(a, lane))
+            store(state, u, lane)
+            store(tanh32(state), y, lane)
+
+
+@compiled()
+def generate_lanes(w_in, w_out, w_hidden, w_pb, b_out, b_hidden, starts, rate, pb, code0, references, angles):
     """Run the network in closed loop for every lane.
 
     Args:
         w_in, w_out, w_hidden, w_pb: Weights with receivers in rows (transposed), float32.
         b_out, b_hidden: Biases.
-        n_fast: Neurons in P_F, the layer that input and output talk to.
-        first, last: For each hidden neuron, the block of hidden neurons it hears.
+        starts: First neuron of each hidden layer, and their number, (n_layers + 1,).
         rate: 1 / time constant of each hidden neuron.
-        pb: PB values, (1 or n_steps, n_pb, lanes); with one row it is constant. Row t drives the states of tick t.
+        pb: PB values, (1 or n_steps, n_pb, lanes), the lanes a multiple of `product.PANEL`; with one row it is
+            constant. Row t drives the states of tick t.
         code0: Code of the initial posture, (n_codes,).
         references: Reference angles, (n_joints, n_units).
         angles: Where the joint angles go, (n_steps, n_joints, lanes); row 0 is not written.
     """
     n_steps, n_joints, n_lanes = angles.shape
-    n_codes, n_hidden, n_pb = code0.shape[0], rate.shape[0], pb.shape[1]
-    n_units = n_codes // n_joints
-    x = np.empty((n_codes, n_lanes), np.float32)
+    n_codes, n_hidden, n_pb, n_fast, n_layers = code0.size, rate.size, pb.shape[1], starts[1], starts.size - 1
+    from_x, from_fast, from_hidden = w_in.reshape(-1), w_out.reshape(-1), w_hidden.reshape(-1)
+    flat_angles = angles.reshape(-1)
+    x, bias = np.empty(n_codes * n_lanes, np.float32), np.empty(n_codes * n_lanes, np.float32)
     for i in range(n_codes):
-        x[i, :] = code0[i]
-    y = np.zeros((n_hidden, n_lanes), np.float32)
-    u = np.zeros((n_hidden, n_lanes), np.float32)
+        for lane in range(i * n_lanes, (i + 1) * n_lanes):
+            x[lane], bias[lane] = code0[i], b_out[i]
+    y, u = np.zeros(n_hidden * n_lanes, np.float32), np.zeros(n_hidden * n_lanes, np.float32)
+    a, code = np.empty(n_hidden * n_lanes, np.float32), np.empty(n_codes * n_lanes, np.float32)
     drive = np.empty((n_hidden, n_lanes), np.float32)
-    code = np.empty((n_codes, n_lanes), np.float32)
-    total = np.empty(n_lanes, np.float32)
+    constant = drive.reshape(-1)
     for t in range(1, n_steps):
         if t == 1 or pb.shape[0] > 1:
             point = pb[min(t, pb.shape[0] - 1)]
             for i in range(n_hidden):
                 drive[i, :] = b_hidden[i]
                 _add_inputs(w_pb[i], 0, n_pb, point, drive[i])
-        for i in range(n_codes):
-            code[i, :] = b_out[i]
-            _add_inputs(w_out[i], 0, n_fast, y, code[i])
-        for j in range(n_joints):
-            _softmax_and_angle(code[j * n_units : (j + 1) * n_units], references[j], angles[t, j])
-        for i in range(n_hidden):  # reads x and y of the tick before
-            state, constant = u[i], drive[i]
-            for lane in range(n_lanes):
-                total[lane] = constant[lane]
-            if i < n_fast:
-                _add_inputs(w_in[i], 0, n_codes, x, total)
-            _add_inputs(w_hidden[i], first[i], last[i], y, total)
-            for lane in range(n_lanes):
-                state[lane] = (F(1) - rate[i]) * state[lane] + rate[i] * total[lane]
-        for i in range(n_hidden):
-            activation, state = y[i], u[i]
-            for lane in range(n_lanes):
-                activation[lane] = tanh32(state[lane])
+        _hear(from_fast, 0, n_fast, y, 0, n_fast, bias, code, 0, n_codes, n_lanes)
+        _hear(from_x, 0, n_codes, x, 0, n_codes, constant, a, 0, n_fast, n_lanes)
+        for layer in range(n_layers):
+            low, high = starts[max(layer - 1, 0)], starts[min(layer + 2, n_layers)]
+            first, size = starts[layer], starts[layer + 1] - starts[layer]
+            begun = a if layer == 0 else constant  # P_F has heard the input already
+            _hear(from_hidden, first * n_hidden + low, n_hidden, y, low, high - low, begun, a, first, size, n_lanes)
+        _softmax_and_angles(code, references, n_lanes, flat_angles, t * n_joints)
+        _change_state(a, rate, n_lanes, u, y)
         x, code = code, x  # closed loop: the prediction is the next input
 
 
@@ -177,7 +201,7 @@ def generate_one(w_in, w_out, w_hidden, w_pb, b_out, b_hidden, starts, rate, pb,
             low, high = starts[max(layer - 1, 0)], starts[min(layer + 2, n_layers)]
             _add_outputs(w_hidden[:, low:high], y, starts[layer], starts[layer + 1], total[low:high])
         for i in range(n_hidden):
-            u[i] = (F(1) - rate[i]) * u[i] + rate[i] * total[i]
+            u[i] = multiply_add(F(1) - rate[i], u[i], rate[i] * total[i])
         for i in range(n_hidden):
             y[i] = tanh32(u[i])
         x, code = code, x

@@ -179,6 +179,22 @@ round_down = _unary("llvm.floor")
 square_root = _unary("llvm.sqrt")
 
 
+@intrinsic
+def multiply_add(typing_context, a, b, c):
+    """Return a b + c, rounded once where the processor can; b and c alike, a a number or alike.
+
+    For a sum of two products, where the compiler is else free to choose which of them is rounded.
+    """
+
+    def generate(context, builder, signature, arguments):
+        first, second, third = arguments
+        if isinstance(b, Vector) and not isinstance(a, Vector):
+            first = spread(builder, context.cast(builder, first, a, types.float32), b.n_lanes)
+        return call_llvm(builder, "llvm.fmuladd", second.type, first, second, third)
+
+    return b(a, b, c), generate
+
+
 def _integers(kind: ir.Type) -> tuple[ir.Type, Any]:
     """Return the int32 type that matches a float type, and how to make constants of it."""
     whole = ir.VectorType(ir.IntType(32), kind.count) if isinstance(kind, ir.VectorType) else ir.IntType(32)
