@@ -97,7 +97,7 @@ def _parse(settings_class: type, name: str, words: list[str]) -> Any:
 
 def _one_line(box: str) -> str:
     """Return the message of a framed, many-lined complaint as one line."""
-    lines = [re.sub(r"[╭╮╰╯│─]+", " ", line).strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", box).splitlines()]
+    lines = [re.sub(r"[╭╮╰╯│─|+]+|-{5,}", " ", line).strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", box).splitlines()]
     sentences = []
     for line in lines[1:]:
         if not line or line.startswith(("Argument helptext", "For full helptext")):

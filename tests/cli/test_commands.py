@@ -62,6 +62,8 @@ def test_every_command_tells_its_options_with_defaults(name, capsys):
         (["train", "--out", "m", "--sed", "1"], "--sed"),
         (["train", "--out", "m", "--demonstrations", "nowhere"], "nowhere"),
         (["score", "nothing.csv"], "nothing.csv"),
+        (["infer", "nothing.csv"], "nothing.csv"),
+        (["infer"], "creative-nao: infer: "),
     ],
 )
 def test_a_mistake_gets_one_line_and_exit_code_2(words, message, capsys, tmp_path, monkeypatch):
