@@ -13,6 +13,22 @@ import sys
 _EGL_PLATFORM_DEVICE = 0x313F
 _MAX_DEVICES = 16
 
+ON = ("egl", "osmesa", "glfw")
+"""What MUJOCO_GL may name."""
+
+OFF = ("disable", "disabled", "off", "false", "0")
+"""What MUJOCO_GL says to do without GL."""
+
+PACKAGES = {
+    "egl": "libegl1 libgl1-mesa-dri libopengl0",
+    "osmesa": "libosmesa6",
+    "glfw": "xvfb",
+}
+"""What Debian and Ubuntu call the packages of each back end; glfw needs a display, here a virtual one."""
+
+nothing_found = False
+"""Whether `prepare` set MUJOCO_GL to `disable` because nothing works here; then not the user chose so."""
+
 
 def prepare() -> None:
     """Set MUJOCO_GL to `egl`, `osmesa` or `disable`, the first that works here, unless the user or a display decides.
@@ -24,7 +40,9 @@ def prepare() -> None:
         return
     if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         return
+    global nothing_found
     os.environ["MUJOCO_GL"] = working_backend()
+    nothing_found = os.environ["MUJOCO_GL"] == "disable"
 
 
 def working_backend() -> str:

@@ -55,19 +55,30 @@ print(os.environ["MUJOCO_GL"], Performer().perform(demos.trajectories[0], demos.
     assert measured == performances["left_jab"].measured.tobytes().hex()
 
 
-def test_without_gl_a_frame_asks_for_the_packages():
+def test_without_gl_frames_are_drawn_in_software_with_one_warning_naming_the_packages():
     code = """
+import warnings
 from creative_nao.errors import MissingDependencyError
 from creative_nao.robot import Renderer, Scene, can_draw
+model = Scene().model
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    for _ in range(2):
+        with Renderer(model, 16, 12) as renderer:
+            print(renderer.software, end=" ")
+print(len(caught), caught[0].message)
 try:
-    Renderer(Scene().model)
+    Renderer(model, backend="gl")
 except MissingDependencyError as error:
     print(error)
 print(can_draw())
 """
-    printed = run_without_gl(code)
-    assert "apt-get install libegl1 libgl1-mesa-dri libopengl0" in printed
-    assert printed.endswith("False\n")
+    first, second, last = run_without_gl(code).splitlines()
+    packages = "apt-get install libegl1 libgl1-mesa-dri libopengl0"
+    assert first.startswith("True True 1 frames are drawn in software, slowly and without shadows: ")
+    assert packages in first
+    assert packages in second
+    assert last == "False"
 
 
 def test_importing_the_package_loads_neither_mujoco_nor_gl():
