@@ -2,33 +2,70 @@
 
 - `BoxingMentalEnv` (`CreativeNao/BoxingMental-v0`): actions are generated and scored in the mind.
 - `BoxingEnv` (`CreativeNao/Boxing-v0`): the NAO performs them in physics, what it measured is scored.
-- `boxing_task`: the scene and the robot as a dm_control `composer.Environment`.
+- `BoxingModulationEnv` (`CreativeNao/BoxingModulation-v0`): the PB may change while an action unfolds.
+- `BoxingMentalVectorEnv`, `BoxingVectorEnv`, `BoxingModulationVectorEnv`: many copies at once, for
+  `gymnasium.make_vec`.
+- `SB3VecEnv`: one of those for Stable-Baselines3.
+- `EnvState`: what `get_state` returns and `set_state` takes.
+- `load`: the ring as a dm_control `composer.Environment`, boxing tick by tick.
 - `ENVIRONMENTS`, `register_environments`: the names for `gymnasium.make`.
 
-Classes are loaded when first used, so that registering costs nothing.
+Names are loaded when first used, so that registering costs nothing.
 """
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
-from creative_nao.envs.registration import ENVIRONMENTS, register_environments
+from creative_nao.envs.registration import ENVIRONMENTS, VECTOR_ENVIRONMENTS, register_environments
 
 if TYPE_CHECKING:
     from creative_nao.envs.boxing_env import BoxingEnv
     from creative_nao.envs.mental_env import BoxingMentalEnv
+    from creative_nao.envs.modulation_env import BoxingModulationEnv
+    from creative_nao.envs.modulation_vector_env import BoxingModulationVectorEnv
+    from creative_nao.envs.sb3_adapter import SB3VecEnv
+    from creative_nao.envs.state import EnvState
+    from creative_nao.envs.tasks import TASKS, load
+    from creative_nao.envs.vector_env import BoxingMentalVectorEnv, BoxingVectorEnv
 
-__all__ = ["ENVIRONMENTS", "BoxingEnv", "BoxingMentalEnv", "register_environments"]
+__all__ = [
+    "ENVIRONMENTS",
+    "TASKS",
+    "VECTOR_ENVIRONMENTS",
+    "BoxingEnv",
+    "BoxingMentalEnv",
+    "BoxingMentalVectorEnv",
+    "BoxingModulationEnv",
+    "BoxingModulationVectorEnv",
+    "BoxingVectorEnv",
+    "EnvState",
+    "SB3VecEnv",
+    "load",
+    "register_environments",
+]
+
+_HOMES = {
+    "BoxingEnv": "boxing_env",
+    "BoxingMentalEnv": "mental_env",
+    "BoxingMentalVectorEnv": "vector_env",
+    "BoxingModulationEnv": "modulation_env",
+    "BoxingModulationVectorEnv": "modulation_vector_env",
+    "BoxingVectorEnv": "vector_env",
+    "EnvState": "state",
+    "SB3VecEnv": "sb3_adapter",
+    "TASKS": "tasks",
+    "load": "tasks",
+}
 
 
 def __getattr__(name: str) -> Any:
-    """Load an environment class when it is first asked for."""
-    if name == "BoxingEnv":
-        from creative_nao.envs.boxing_env import BoxingEnv
-
-        return BoxingEnv
-    if name == "BoxingMentalEnv":
-        from creative_nao.envs.mental_env import BoxingMentalEnv
-
-        return BoxingMentalEnv
+    """Load a public name when it is first asked for."""
+    if name in _HOMES:
+        return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

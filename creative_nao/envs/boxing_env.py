@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-
-from creative_nao.envs.repertoire_env import EPISODE_ACTIONS, Performed, RepertoireEnv
-from creative_nao.errors import SettingsError
-from creative_nao.joints import JOINTS
+from creative_nao.envs.bank import MemoryLike
+from creative_nao.envs.performers import Body, check_arms
+from creative_nao.envs.repertoire_env import EPISODE_ACTIONS, RepertoireEnv
 from creative_nao.measures import Criteria
-from creative_nao.model import Memory
-from creative_nao.robot import PhysicalLimits, first_failure
-
-if TYPE_CHECKING:
-    from creative_nao.robot.playback import Performer
+from creative_nao.robot import PhysicalLimits
 
 
 class BoxingEnv(RepertoireEnv):
@@ -29,25 +22,31 @@ class BoxingEnv(RepertoireEnv):
     ## Action space
     `Box(-1, 1, (2,), float32)`
 
-    | index | meaning | min | max |
-    | --- | --- | --- | --- |
-    | 0 | activation of PB unit 1 | -1 | 1 |
-    | 1 | activation of PB unit 2 | -1 | 1 |
+    | index | meaning | min | max | unit |
+    | --- | --- | --- | --- | --- |
+    | 0 | activation of PB unit 1 | -1 | 1 | 1 |
+    | 1 | activation of PB unit 2 | -1 | 1 | 1 |
 
     ## Observation space
-    `Box(85,) float32`, all zero at the start of an episode. The sizes are those of a memory with six basic actions.
-    `scale` is the mean DTW distance between basic actions.
+    `Box(85,) float32`, all zero at the start of an episode.
 
-    | index | name | meaning | min | max |
-    | --- | --- | --- | --- | --- |
-    | 0-1 | pb | last PB vector | -1 | 1 |
-    | 2-10 | outcome | last outcome, one-hot in the order of `OUTCOMES` | 0 | 1 |
-    | 11 | novelty | d / (d + scale), d the last action's distance to the nearest basic action | 0 | 1 |
-    | 12-17 | nearest | nearest basic action of the last action, one-hot | 0 | 1 |
-    | 18 | known | d / (d + scale), d its distance to everything known before it | 0 | 1 |
-    | 19-82 | cells | PB space in cells: 0 untried, -1 tried in vain, else best reward r there as r / (r + 1) | -1 | 1 |
-    | 83 | coverage | share of the cells tried | 0 | 1 |
-    | 84 | step | share of the episode that is over | 0 | 1 |
+    | index | name | meaning | min | max | unit |
+    | --- | --- | --- | --- | --- | --- |
+    | 0-1 | pb | last PB vector | -1 | 1 | 1 |
+    | 2-10 | outcome | last outcome, one-hot in the order of `OUTCOMES` | 0 | 1 | 1 |
+    | 11 | novelty | d / (d + scale), d the last action's distance to the nearest basic action | 0 | 1 | 1 |
+    | 12-17 | nearest | nearest basic action of the last action, one-hot | 0 | 1 | 1 |
+    | 18 | known | d / (d + scale), d its distance to everything known before it | 0 | 1 | 1 |
+    | 19-82 | cells | cells of PB space: 0 untried, -1 in vain, else best reward r there as r / (r + 1) | -1 | 1 | 1 |
+    | 83 | coverage | share of the cells tried | 0 | 1 | 1 |
+    | 84 | step | share of the episode that is over | 0 | 1 | 1 |
+
+    The sizes are those of a memory with six basic actions. `scale` is the mean DTW distance between basic actions.
+    `OUTCOMES` are `learned`, `unlearned`, `fluctuating`, `non_moving`, `joint_limit`, `torque_saturated`,
+    `tracking_error`, `self_collision`, `fell`.
+
+    The cell of a point is in column floor((pb1 + 1) / 2 * 8) of row floor((pb2 + 1) / 2 * 8), rows one after the other;
+    a cell in which something appropriate was found reads at least 0.1.
 
     ## Rewards
     As in `CreativeNao/BoxingMental-v0`. Beside `fluctuating` (judged on the commanded angles) and `non_moving`, an
@@ -59,7 +58,7 @@ class BoxingEnv(RepertoireEnv):
     | joint_limit | the commanded angles leave a joint's range by more than 0.03 rad |
     | fell | the torso sinks below 0.24 m or leans more than 0.6 rad |
     | self_collision | the robot touches itself for more than 5 % of the time |
-    | torque_saturated | one motor works at its torque limit for more than 15 % of the time |
+    | torque_saturated | one motor works at its torque limit for more than 20 % of the time |
     | tracking_error | the mean error of the worst joint exceeds 0.08 rad |
 
     `info` of a step: as in `CreativeNao/BoxingMental-v0`, where `trajectory` is what the encoders measured, and
@@ -77,11 +76,20 @@ class BoxingEnv(RepertoireEnv):
     ## Arguments
     | argument | default | meaning |
     | --- | --- | --- |
-    | memory | `"half/0"` | name, file or `Memory`; `"train"`, `"validation"`, `"test"`: drawn per episode |
+    | memory | `"half/0"` | name, file or memory; `"train"`, `"validation"`, `"test"`: drawn per episode |
     | n_actions | 30 | actions in an episode |
-    | render_mode | None | `rgb_array` (the last movement at its widest), `rgb_array_list` (a film), `human` |
+    | render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
     | criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
+    | overlay | False | whether colour frames tell outcome, nearest basic action and reward |
     | limits | None | `robot.PhysicalLimits`: from where on a performance counts as failed |
+
+    `render` returns: `rgb_array` the last movement at its widest, uint8 (480, 640, 3); `depth_array` how far away
+    everything is in that picture [m], float32 (480, 640); `rgb_array_list` a film of all movements since the last call;
+    `human` None, it plays the movement in a window.
+
+    `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many copies at once, with the same
+    trajectories as separate copies of the same seeds; it also takes `autoreset_mode` and `n_threads`.
+    Their performances run in `n_threads` threads.
 
     ## Version history
     * v0: first version.
@@ -89,29 +97,25 @@ class BoxingEnv(RepertoireEnv):
 
     def __init__(
         self,
-        memory: str | os.PathLike[str] | Memory = "half/0",
+        memory: MemoryLike = "half/0",
         n_actions: int = EPISODE_ACTIONS,
         render_mode: str | None = None,
         criteria: Criteria | None = None,
+        overlay: bool = False,
         limits: PhysicalLimits | None = None,
     ) -> None:
-        super().__init__(memory, n_actions, render_mode, criteria)
-        if self.memory.joints != JOINTS:
-            raise SettingsError(
-                f"the NAO performs memories of the joints {', '.join(JOINTS)}, "
-                f"but this one has {', '.join(self.memory.joints)}"
-            )
         self.limits = PhysicalLimits() if limits is None else limits
-        self._performer: Performer | None = None
+        super().__init__(memory, n_actions, render_mode, criteria, overlay)
+        check_arms(self.memory.demonstrations.joints)
+
+    def _make_performer(self) -> Body:
+        return Body(self._place, self.limits)
 
     @property
-    def performer(self) -> Performer:
-        """The robot in its ring, built when first needed."""
-        if self._performer is None:
-            from creative_nao.robot.playback import Performer
-
-            self._performer = Performer(self.scene)
-        return self._performer
+    def performer(self) -> Any:
+        """The `robot.Performer` in its ring, built when first needed."""
+        assert isinstance(self._performer, Body)
+        return self._performer.performer
 
     @property
     def model(self) -> Any:
@@ -122,27 +126,3 @@ class BoxingEnv(RepertoireEnv):
     def data(self) -> Any:
         """The `mujoco.MjData`: the state at the end of the last action, or the settled guard."""
         return self.performer.data
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin an episode: the robot stands in the guard, the repertoire is empty."""
-        result = super().reset(seed=seed, options=options)
-        self.performer.reset()
-        return result
-
-    def _perform(self, generated: np.ndarray) -> Performed:
-        done = self.performer.perform(generated, self.memory.dt_s, keep_frames=self.render_mode is not None)
-        if done.frames is not None:
-            self._remember(done.frames, done.frame_dt_s)
-        figures = {
-            "commanded": generated,
-            "tracking_error": float(done.mean_error_rad.max()),
-            "torque_saturated": float(done.saturated_share.max()),
-            "self_collision": done.self_collision_share,
-            "fell": done.fell,
-            "hits": done.hits.count,
-            "hit_impulse": done.hits.impulse_ns,
-            "fist_speed": float(done.fist_peak_speed_m_s.max()),
-        }
-        return Performed(done.measured, first_failure(done, self.limits), figures)

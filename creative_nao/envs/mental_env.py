@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from creative_nao.envs.repertoire_env import Performed, RepertoireEnv
-from creative_nao.envs.stage import FRAME_DT_S
-from creative_nao.errors import SettingsError
-from creative_nao.joints import JOINTS
+from creative_nao.envs.repertoire_env import RepertoireEnv
 
 
 class BoxingMentalEnv(RepertoireEnv):
@@ -23,25 +18,28 @@ class BoxingMentalEnv(RepertoireEnv):
     ## Action space
     `Box(-1, 1, (2,), float32)`
 
-    | index | meaning | min | max |
-    | --- | --- | --- | --- |
-    | 0 | activation of PB unit 1 | -1 | 1 |
-    | 1 | activation of PB unit 2 | -1 | 1 |
+    | index | meaning | min | max | unit |
+    | --- | --- | --- | --- | --- |
+    | 0 | activation of PB unit 1 | -1 | 1 | 1 |
+    | 1 | activation of PB unit 2 | -1 | 1 | 1 |
 
     ## Observation space
-    `Box(85,) float32`, all zero at the start of an episode. The sizes are those of a memory with six basic actions.
-    `scale` is the mean DTW distance between basic actions.
+    `Box(85,) float32`, all zero at the start of an episode.
 
-    | index | name | meaning | min | max |
-    | --- | --- | --- | --- | --- |
-    | 0-1 | pb | last PB vector | -1 | 1 |
-    | 2-10 | outcome | last outcome, one-hot in the order of `OUTCOMES` | 0 | 1 |
-    | 11 | novelty | d / (d + scale), d the last action's distance to the nearest basic action | 0 | 1 |
-    | 12-17 | nearest | nearest basic action of the last action, one-hot | 0 | 1 |
-    | 18 | known | d / (d + scale), d its distance to everything known before it | 0 | 1 |
-    | 19-82 | cells | PB space in cells: 0 untried, -1 tried in vain, else best reward r there as r / (r + 1) | -1 | 1 |
-    | 83 | coverage | share of the cells tried | 0 | 1 |
-    | 84 | step | share of the episode that is over | 0 | 1 |
+    | index | name | meaning | min | max | unit |
+    | --- | --- | --- | --- | --- | --- |
+    | 0-1 | pb | last PB vector | -1 | 1 | 1 |
+    | 2-10 | outcome | last outcome, one-hot in the order of `OUTCOMES` | 0 | 1 | 1 |
+    | 11 | novelty | d / (d + scale), d the last action's distance to the nearest basic action | 0 | 1 | 1 |
+    | 12-17 | nearest | nearest basic action of the last action, one-hot | 0 | 1 | 1 |
+    | 18 | known | d / (d + scale), d its distance to everything known before it | 0 | 1 | 1 |
+    | 19-82 | cells | cells of PB space: 0 untried, -1 in vain, else best reward r there as r / (r + 1) | -1 | 1 | 1 |
+    | 83 | coverage | share of the cells tried | 0 | 1 | 1 |
+    | 84 | step | share of the episode that is over | 0 | 1 | 1 |
+
+    The sizes are those of a memory with six basic actions. `scale` is the mean DTW distance between basic actions.
+    `OUTCOMES` are `learned`, `unlearned`, `fluctuating`, `non_moving`, `joint_limit`, `torque_saturated`,
+    `tracking_error`, `self_collision`, `fell`.
 
     The cell of a point is in column floor((pb1 + 1) / 2 * 8) of row floor((pb2 + 1) / 2 * 8), rows one after the other;
     a cell in which something appropriate was found reads at least 0.1.
@@ -68,28 +66,19 @@ class BoxingMentalEnv(RepertoireEnv):
     ## Arguments
     | argument | default | meaning |
     | --- | --- | --- |
-    | memory | `"half/0"` | name, file or `Memory`; `"train"`, `"validation"`, `"test"`: drawn per episode |
+    | memory | `"half/0"` | name, file or memory; `"train"`, `"validation"`, `"test"`: drawn per episode |
     | n_actions | 30 | actions in an episode |
-    | render_mode | None | `rgb_array` (the last movement at its widest), `rgb_array_list` (a film), `human` |
+    | render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
     | criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
+    | overlay | False | whether colour frames tell outcome, nearest basic action and reward |
+
+    `render` returns: `rgb_array` the last movement at its widest, uint8 (480, 640, 3); `depth_array` how far away
+    everything is in that picture [m], float32 (480, 640); `rgb_array_list` a film of all movements since the last call;
+    `human` None, it plays the movement in a window.
+
+    `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many copies at once, with the same
+    trajectories as separate copies of the same seeds; it also takes `autoreset_mode` and `n_threads`.
 
     ## Version history
     * v0: first version.
     """
-
-    def _perform(self, generated: np.ndarray) -> Performed:
-        if self.render_mode is not None:
-            self._imagine(generated)
-        return Performed(generated, fault=None, figures={})
-
-    def _imagine(self, generated: np.ndarray) -> None:
-        """Let the arms follow the movement exactly, for `render`; nothing else moves."""
-        if self.memory.joints != JOINTS:
-            raise SettingsError(
-                f"only movements of the joints {', '.join(JOINTS)} can be drawn, "
-                f"but this memory has {', '.join(self.memory.joints)}"
-            )
-        from creative_nao.robot.film import imagined_frames
-
-        frames = imagined_frames(self.scene, generated, self.memory.dt_s, frame_dt_s=FRAME_DT_S)
-        self._remember(frames, FRAME_DT_S)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -41,8 +42,15 @@ class Part:
         return self.start + self.size
 
 
-def layout(n_actions: int = 6, n_pb: int = 2) -> tuple[Part, ...]:
-    """Return the parts of the observation, in order, for `n_actions` basic actions and `n_pb` PB units."""
+def layout(n_actions: int = 6, n_pb: int = 2, n_joints: int = 0, n_slow: int = 0) -> tuple[Part, ...]:
+    """Return the parts of the observation, in order.
+
+    Args:
+        n_actions: Basic actions.
+        n_pb: PB units.
+        n_joints: Joints whose posture is told, or 0: only where the PB may change while a movement unfolds.
+        n_slow: Neurons of P_S whose activity is told there.
+    """
     parts = [
         ("pb", n_pb, -1.0, 1.0, "last PB vector"),
         ("outcome", len(OUTCOMES), 0.0, 1.0, "last outcome, one-hot in the order of `OUTCOMES`"),
@@ -54,11 +62,17 @@ def layout(n_actions: int = 6, n_pb: int = 2) -> tuple[Part, ...]:
             N_CELLS**n_pb,
             -1.0,
             1.0,
-            "PB space in cells: 0 untried, -1 tried in vain, else best reward r there as r / (r + 1)",
+            "cells of PB space: 0 untried, -1 in vain, else best reward r there as r / (r + 1)",
         ),
         ("coverage", 1, 0.0, 1.0, "share of the cells tried"),
         ("step", 1, 0.0, 1.0, "share of the episode that is over"),
     ]
+    if n_joints:
+        parts += [
+            ("posture", n_joints, -1.0, 1.0, "joint angles now, -1 and 1 are the ends of the basic actions' range"),
+            ("slow", n_slow, -1.0, 1.0, "activity of the slowest layer P_S"),
+            ("phase", 1, 0.0, 1.0, "share of the movement that has unfolded, 0 before a new one"),
+        ]
     found, start = [], 0
     for name, size, low, high, meaning in parts:
         found.append(Part(name, start, size, low, high, meaning))
@@ -66,71 +80,82 @@ def layout(n_actions: int = 6, n_pb: int = 2) -> tuple[Part, ...]:
     return tuple(found)
 
 
-def observation_space(n_actions: int, n_pb: int) -> Box:
+def observation_space(parts: tuple[Part, ...]) -> Box:
     """Return the flat float32 Box of the observation."""
-    parts = layout(n_actions, n_pb)
     low = np.concatenate([np.full(part.size, part.low, np.float32) for part in parts])
     high = np.concatenate([np.full(part.size, part.high, np.float32) for part in parts])
     return Box(low, high, dtype=np.float32)
 
 
-@dataclass
 class Observer:
-    """Keeps the observation vector of one episode up to date."""
+    """Keeps the observation vectors of one or many episodes up to date, one row each.
 
-    n_actions: int
-    n_pb: int
-    _vector: np.ndarray = field(init=False)
+    Args:
+        parts: The layout of a vector.
+        n_robots: How many episodes.
+    """
 
-    def __post_init__(self) -> None:
-        """Lay out the vector."""
-        parts = layout(self.n_actions, self.n_pb)
-        self._slices = {part.name: slice(part.start, part.stop) for part in parts}
-        self._size = parts[-1].stop
-        self.clear()
+    def __init__(self, parts: tuple[Part, ...], n_robots: int = 1) -> None:
+        self._at = {part.name: slice(part.start, part.stop) for part in parts}
+        self._n_pb = self._at["pb"].stop
+        self._n_cells = self._at["cells"].stop - self._at["cells"].start
+        self._vectors = np.zeros((n_robots, parts[-1].stop), np.float32)
 
-    def clear(self) -> None:
-        """Begin a new episode: everything is zero."""
-        self._vector = np.zeros(self._size, np.float32)
+    def clear(self, robots: Any = slice(None)) -> None:
+        """Begin new episodes of these robots: everything is zero."""
+        self._vectors[robots] = 0.0
+
+    def put(self, robots: np.ndarray, part: str, values: np.ndarray) -> None:
+        """Write one part of the vectors of these robots, values (m, size) or (m,) for a part of one element."""
+        where = self._at[part]
+        self._vectors[robots, where] = values if values.ndim == 2 else values[:, None]
 
     def record(
         self,
+        robots: np.ndarray,
         *,
         pb: np.ndarray,
-        outcome: str,
-        nearest: int,
-        novelty: float,
-        known: float,
-        reward: float,
-        progress: float,
+        outcome: np.ndarray,
+        nearest: np.ndarray,
+        novelty: np.ndarray,
+        known: np.ndarray,
+        reward: np.ndarray,
     ) -> None:
-        """Take in one action.
+        """Take in one action of each robot.
 
         Args:
-            pb: The PB vector, shape (n_pb,) in [-1, 1].
-            outcome: One of `OUTCOMES`.
-            nearest: Nearest basic action.
-            novelty: Distance to it, in units of the reward scale.
-            known: Distance to everything known before, in the same unit.
-            reward: What the action earned.
-            progress: Share of the episode that is over.
+            robots: Which robots, shape (m,).
+            pb: The PB vectors of the action in [-1, 1], shape (m, n, n_pb): one, or several where the PB moved.
+            outcome: Each one's place in `OUTCOMES`, shape (m,).
+            nearest: Nearest basic action, shape (m,).
+            novelty: Distance to it, in units of the reward scale, shape (m,).
+            known: Distance to everything known before, in the same unit, shape (m,).
+            reward: What the action earned, shape (m,).
         """
-        part = {name: self._vector[where] for name, where in self._slices.items()}
-        part["pb"][:] = pb
-        part["outcome"][:] = 0.0
-        part["outcome"][OUTCOMES.index(outcome)] = 1.0
-        part["novelty"][:] = novelty / (novelty + 1.0)
-        part["nearest"][:] = 0.0
-        part["nearest"][nearest] = 1.0
-        part["known"][:] = known / (known + 1.0)
-        column = np.minimum((np.asarray(pb) + 1.0) / 2.0 * N_CELLS, N_CELLS - 1).astype(int)
-        cell = int(np.ravel_multi_index(tuple(column[::-1]), (N_CELLS,) * self.n_pb))
-        earned = max(reward / (reward + 1.0), 0.1) if outcome in APPROPRIATE else -1.0
-        before = part["cells"][cell]
-        part["cells"][cell] = max(before, earned) if before != 0.0 else earned
-        part["coverage"][:] = np.count_nonzero(part["cells"]) / part["cells"].size
-        part["step"][:] = progress
+        vectors, at = self._vectors, self._at
+        vectors[robots, at["pb"]] = pb[:, -1]
+        vectors[robots, at["outcome"].start : at["nearest"].stop] = 0.0
+        vectors[robots, at["outcome"].start + outcome] = 1.0
+        vectors[robots, at["novelty"].start] = novelty / (novelty + 1.0)
+        vectors[robots, at["nearest"].start + nearest] = 1.0
+        vectors[robots, at["known"].start] = known / (known + 1.0)
+        earned = np.where(outcome < len(APPROPRIATE), np.maximum(reward / (reward + 1.0), 0.1), -1.0)
+        column = np.minimum((pb + 1.0) / 2.0 * N_CELLS, N_CELLS - 1).astype(np.int64)
+        cells = at["cells"].start + column @ N_CELLS ** np.arange(self._n_pb)
+        for cell in cells.T:
+            before = vectors[robots, cell]
+            vectors[robots, cell] = np.where(before != 0.0, np.maximum(before, earned), earned)
+        tried = np.count_nonzero(vectors[robots, at["cells"]], axis=1)
+        vectors[robots, at["coverage"].start] = tried / self._n_cells
 
-    def vector(self) -> np.ndarray:
-        """Return a fresh copy of the observation."""
-        return self._vector.copy()
+    def vectors(self) -> np.ndarray:
+        """Return a fresh copy of all observations, (n_robots, size)."""
+        return self._vectors.copy()
+
+    def vector(self, robot: int = 0) -> np.ndarray:
+        """Return a fresh copy of one robot's observation."""
+        return self._vectors[robot].copy()
+
+    def restore(self, robot: int, vector: np.ndarray) -> None:
+        """Take over what `vector` returned."""
+        self._vectors[robot] = vector

@@ -6,8 +6,15 @@ NAMESPACE = "CreativeNao"
 ENVIRONMENTS = {
     "CreativeNao/Boxing-v0": "creative_nao.envs.boxing_env:BoxingEnv",
     "CreativeNao/BoxingMental-v0": "creative_nao.envs.mental_env:BoxingMentalEnv",
+    "CreativeNao/BoxingModulation-v0": "creative_nao.envs.modulation_env:BoxingModulationEnv",
 }
 """Every environment of the project and the class behind it."""
+VECTOR_ENVIRONMENTS = {
+    "CreativeNao/Boxing-v0": "creative_nao.envs.vector_env:BoxingVectorEnv",
+    "CreativeNao/BoxingMental-v0": "creative_nao.envs.vector_env:BoxingMentalVectorEnv",
+    "CreativeNao/BoxingModulation-v0": "creative_nao.envs.modulation_vector_env:BoxingModulationVectorEnv",
+}
+"""The class that makes many copies of each at once."""
 
 
 def register_environments() -> None:
@@ -16,4 +23,4 @@ def register_environments() -> None:
 
     for name, entry_point in ENVIRONMENTS.items():
         if name not in registry:
-            register(id=name, entry_point=entry_point)
+            register(id=name, entry_point=entry_point, vector_entry_point=VECTOR_ENVIRONMENTS[name])

@@ -1,54 +1,38 @@
-"""What both environments share: an episode in which the robot builds a repertoire of new actions."""
+"""What all environments share: an episode in which the robot builds a repertoire of new actions."""
 
 from __future__ import annotations
 
-import abc
-import os
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.spaces import Box
 
-from creative_nao.envs.observation import APPROPRIATE, Observer, observation_space
+from creative_nao.envs.bank import MemoryLike
+from creative_nao.envs.episodes import Episodes, Scored
+from creative_nao.envs.performers import FRAME_DT_S, Body, Mind, Performed, SharedScene
 from creative_nao.envs.repertoire import Repertoire
-from creative_nao.envs.stage import FRAME_DT_S, Stage
-from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name
-from creative_nao.measures import Criteria, excursion_limit, excursions, largest_speeds, speed_limits
-from creative_nao.model import SPLITS, Memory, load_memory, split_memories
-
-if TYPE_CHECKING:
-    from creative_nao.robot.scene import Scene
+from creative_nao.envs.screen import RENDER_MODES, Screen
+from creative_nao.envs.state import EnvState, generator_from, generator_state
+from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.measures import Criteria
 
 EPISODE_ACTIONS = 30
 """Actions in an episode: the sample size of the paper's measures."""
 
-
-@dataclass(frozen=True)
-class Performed:
-    """One action as it was performed.
-
-    Attributes:
-        trajectory: What is scored [rad], shape (n_steps, n_joints): generated in the mind or measured on the robot.
-        fault: Physical outcome that makes it inappropriate, or None.
-        figures: Further numbers for `info`.
-    """
-
-    trajectory: np.ndarray
-    fault: str | None
-    figures: dict[str, Any]
+_ONE = np.zeros(1, np.int64)
 
 
-class RepertoireEnv(gym.Env[np.ndarray, np.ndarray], abc.ABC):
+class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
     """Base of the boxing environments: generates, has the action performed, scores it and keeps the repertoire.
 
     Args:
-        memory: Shipped name such as ``half/0``, path of a memory file, or a `Memory`; or a part of the bank, ``train``,
+        memory: Shipped name such as ``half/0``, path of a memory file, or a memory; or a part of the bank, ``train``,
             ``validation`` or ``test``, from which every episode draws one.
         n_actions: Actions in an episode.
         render_mode: One of ``metadata["render_modes"]`` or None.
         criteria: Where the lines between outcomes are drawn; default: the paper's.
+        overlay: Whether colour frames tell outcome, nearest basic action and reward.
 
     Raises:
         NotFoundError: If there is no such memory.
@@ -56,65 +40,52 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray], abc.ABC):
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as in gym.Env
-        "render_modes": ["human", "rgb_array", "rgb_array_list"],
+        "render_modes": list(RENDER_MODES),
         "render_fps": round(1 / FRAME_DT_S),
     }
+    _unfolding = False
 
     def __init__(
         self,
-        memory: str | os.PathLike[str] | Memory = "half/0",
+        memory: MemoryLike = "half/0",
         n_actions: int = EPISODE_ACTIONS,
         render_mode: str | None = None,
         criteria: Criteria | None = None,
+        overlay: bool = False,
     ) -> None:
-        if n_actions < 1:
-            raise SettingsError(f"`n_actions` should be at least 1, but is {n_actions}")
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise SettingsError(
-                f"`render_mode` should be one of {', '.join(self.metadata['render_modes'])} or None, "
-                f"but is {render_mode!r}"
-            )
+        check_n_actions(n_actions)
         self.render_mode = render_mode
         self.n_actions = n_actions
-        self.criteria = Criteria() if criteria is None else criteria
-        self._bank = split_memories(memory) if isinstance(memory, str) and memory in SPLITS else ()
-        self._loaded: dict[str, Memory] = {}
-        if self._bank:
-            self._use(self._bank[0])
-        else:
-            self._use(memory if isinstance(memory, Memory) else os.fspath(memory))
-        n_actions_known, n_pb = self.memory.demonstrations.n_actions, self.memory.network.n_pb
-        self._observer = Observer(n_actions_known, n_pb)
-        self.observation_space = observation_space(n_actions_known, n_pb)
-        self.action_space = Box(-1.0, 1.0, (n_pb,), np.float32)
-        self._step = 0
-        self._stage: Stage | None = None
-        self._scene: Scene | None = None
-        self._film: list[tuple[np.ndarray, float]] = []
+        self._place = SharedScene()
+        self._screen = Screen(self._place, render_mode, overlay)
+        self._episodes = Episodes(memory, 1, criteria, self._unfolding)
+        self.criteria = self._episodes.criteria
+        self.observation_space = self._episodes.observation_space
+        self.action_space = Box(-1.0, 1.0, (self._episodes.bank.first.n_pb,), np.float32)
+        self._performer: Mind | Body = self._make_performer()
 
-    def _use(self, memory: str | Memory) -> None:
-        """Make a memory the one of the coming episode; memories of the bank are loaded once."""
-        if not isinstance(memory, Memory):
-            if memory not in self._loaded:
-                self._loaded[memory] = load_memory(memory)
-            memory = self._loaded[memory]
-        self.memory = memory
-        self.repertoire = Repertoire(memory.demonstrations)
-        self._speed_limit = speed_limits(memory.demonstrations, self.criteria)
-        self._excursion_limit = excursion_limit(memory.demonstrations, self.criteria)
+    def _make_performer(self) -> Mind | Body:
+        return Mind(self._place)
 
     @property
-    def scene(self) -> Scene:
+    def n_decisions(self) -> int:
+        """Steps that one action takes."""
+        return 1
+
+    @property
+    def memory(self) -> Any:
+        """The memory of this episode."""
+        return self._episodes.facts[0].memory
+
+    @property
+    def repertoire(self) -> Repertoire:
+        """What the robot knows, the basic actions and those accepted in this episode."""
+        return Repertoire(self._episodes.facts[0].demonstrations, self._episodes.knowledge)
+
+    @property
+    def scene(self) -> Any:
         """Ring, robot and bag; built when first needed."""
-        if self._scene is None:
-            from creative_nao.robot.scene import Scene
-
-            self._scene = Scene()
-        return self._scene
-
-    @abc.abstractmethod
-    def _perform(self, generated: np.ndarray) -> Performed:
-        """Perform a generated trajectory, (n_steps, n_joints) [rad]."""
+        return self._place.scene
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -132,22 +103,11 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray], abc.ABC):
             NotFoundError: If the memory in `options` is not of the part that the environment was made with.
         """
         super().reset(seed=seed, options=options)
-        self._choose((options or {}).get("memory"))
-        self._step = 0
-        self.repertoire.clear()
-        self._observer.clear()
-        self._film.clear()
-        return self._observer.vector(), {"memory": self.memory.name}
-
-    def _choose(self, wanted: str | None) -> None:
-        if wanted is not None and wanted not in (self._bank or (self.memory.name,)):
-            known = self._bank or (self.memory.name,)
-            raise NotFoundError(
-                f'options["memory"]: no memory `{wanted}`{nearest_name(wanted, known)} in this environment; '
-                f"there are {', '.join(known)}"
-            )
-        if self._bank:
-            self._use(wanted or self._bank[int(self.np_random.integers(len(self._bank)))])
+        self._episodes.begin(0, (options or {}).get("memory"), lambda: self.np_random)
+        self._screen.clear()
+        if isinstance(self._performer, Body):
+            self._performer.reset()
+        return self._episodes.observer.vector(), {"memory": self._episodes.facts[0].name}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Generate the movement of a PB point, perform and score it.
@@ -161,100 +121,111 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray], abc.ABC):
         Raises:
             ShapeError: If the action does not have shape (n_pb,) or is not finite.
         """
-        pb = self._checked(action)
-        generated = self.memory.generate(pb[None])[0]
-        performed = self._perform(generated)
-        novelty = self.repertoire.compare(performed.trajectory)
-        outcome = self._outcome(generated, performed, novelty.distance)
-        appropriate = outcome in APPROPRIATE
-        reward = self.repertoire.reward(novelty) if appropriate else 0.0
-        if appropriate:
-            self.repertoire.accept(performed.trajectory, novelty)
-        self._step += 1
-        truncated = self._step >= self.n_actions
-        self._observer.record(
-            pb=pb,
-            outcome=outcome,
-            nearest=novelty.nearest,
-            novelty=novelty.distance / self.repertoire.scale,
-            known=novelty.known_distance / self.repertoire.scale,
-            reward=reward,
-            progress=min(self._step / self.n_actions, 1.0),
-        )
-        info = {
-            "pb": pb,
-            "outcome": outcome,
-            "appropriate": appropriate,
-            "nearest": novelty.nearest,
-            "nearest_name": self.memory.demonstrations.names[novelty.nearest],
-            "distance": novelty.distance,
-            "known_distance": novelty.known_distance,
-            "reward_novelty": reward,
-            "repertoire_size": len(self.repertoire),
-            "step": self._step,
-            "trajectory": performed.trajectory,
-            **performed.figures,
-        }
-        if truncated:
-            info["episode_measures"] = self.repertoire.measures(self._step)
+        pb = checked_pb(action, self.action_space.shape)
+        generated = self._episodes.generate(_ONE, pb[None])
+        reward, info = self._finish(pb[None, None], generated)
+        done = int(self._episodes.n_actions[0])
+        self._episodes.observer.put(_ONE, "step", np.array([min(done / self.n_actions, 1.0)]))
+        truncated = done >= self.n_actions
         if self.render_mode == "human":
             self.render()
-        return self._observer.vector(), reward, False, truncated, info
+        return self._episodes.observer.vector(), reward, False, truncated, {"pb": pb, **info, "step": done}
+
+    def _finish(self, pb: np.ndarray, generated: np.ndarray) -> tuple[float, dict[str, Any]]:
+        """Have one movement, (1, n_steps, n_joints), performed and scored; return its reward and terms."""
+        facts = self._episodes.facts[0]
+        taught = facts.demonstrations
+        performed: list[Performed] | None = None
+        if isinstance(self._performer, Body) or self._screen.wanted:
+            performed = [self._performer.perform(generated[0], taught.dt_s, taught.joints, self._screen.wanted)]
+        scored = self._episodes.score(_ONE, pb, generated, performed)
+        info = self._terms(scored)
+        if performed is not None:
+            info.update(performed[0].figures)
+            self._screen.remember(0, performed[0], told(info))
+        n_tried = int(self._episodes.n_actions[0])
+        if n_tried >= self.n_actions:
+            info["episode_measures"] = self._episodes.knowledge.measures(0, n_tried)
+        return float(scored.reward[0]), info
+
+    def _terms(self, scored: Scored) -> dict[str, Any]:
+        nearest = int(scored.nearest[0])
+        return {
+            "outcome": scored.outcome_names[0],
+            "appropriate": bool(scored.appropriate[0]),
+            "nearest": nearest,
+            "nearest_name": self._episodes.facts[0].demonstrations.names[nearest],
+            "distance": float(scored.distance[0]),
+            "known_distance": float(scored.known_distance[0]),
+            "reward_novelty": float(scored.reward[0]),
+            "repertoire_size": int(self._episodes.knowledge.sizes[0]) - self._episodes.knowledge.n_basic,
+            "trajectory": scored.trajectories[0],
+        }
 
     def render(self) -> Any:
         """Show what was performed since the last call.
 
         Returns:
             `rgb_array`: the last movement at its widest (before the first action, the guard), uint8 (480, 640, 3).
+            `depth_array`: the same moment as distances from the camera [m], float32 (480, 640).
             `rgb_array_list`: the film of all movements since the last call, `metadata["render_fps"]` frames a second.
             `human`: None; the movement is played in a window, which opens with the first action; called by `step`.
 
         Raises:
             MissingDependencyError: If this machine cannot draw or has no display; the message says what helps.
         """
-        if self.render_mode is None:
-            return None
-        if self.render_mode == "human" and not self._film:
-            return None
-        if self._stage is None:
-            self._stage = Stage(self.scene)
-        film = self._film or [(self.scene.guard_qpos()[None], FRAME_DT_S)]
-        if self.render_mode == "rgb_array":
-            self._film = film[-1:]
-            return self._stage.draw(self._stage.widest(film[-1][0]))
-        self._film = []
-        if self.render_mode == "human":
-            for frames, frame_dt_s in film:
-                self._stage.play(frames, frame_dt_s)
-            return None
-        return [self._stage.draw(snapshot) for frames, _ in film for snapshot in frames]
+        return self._screen.show()
 
     def close(self) -> None:
         """Close the window and free what drawing took; may be called again."""
-        if self._stage is not None:
-            self._stage.close()
-            self._stage = None
+        self._screen.close()
 
-    def _remember(self, frames: np.ndarray, frame_dt_s: float) -> None:
-        """Keep the snapshots of a performance, (n_frames, nq), for `render`."""
-        if self.render_mode == "rgb_array":
-            self._film.clear()  # only the last movement is ever asked for
-        self._film.append((frames, frame_dt_s))
+    def get_state(self) -> EnvState:
+        """Return the exact state: an environment put into it goes on with the same bits."""
+        values, arrays = self._episodes.state(0)
+        values["random"] = generator_state(self._np_random)
+        if isinstance(self._performer, Body):
+            arrays["physics"] = self._performer.get_state()
+        return EnvState(type(self).__name__, values, arrays)
 
-    def _checked(self, action: np.ndarray) -> np.ndarray:
-        pb = np.asarray(action, dtype=np.float64)
-        if pb.shape != self.action_space.shape or not np.isfinite(pb).all():
-            raise ShapeError(
-                f"`action` should be a finite PB vector of shape {self.action_space.shape}, but is {action!r}"
-            )
-        return np.clip(pb, -1.0, 1.0)
+    def set_state(self, state: EnvState) -> None:
+        """Go back to a state of this environment or of one made alike.
 
-    def _outcome(self, generated: np.ndarray, performed: Performed, distance: float) -> str:
-        """Name the outcome; speed is judged on what is commanded, all else on what was performed."""
-        if (largest_speeds([generated], self.memory.dt_s)[0] > self._speed_limit).any():
-            return "fluctuating"
-        if performed.fault is not None:
-            return performed.fault
-        if excursions([performed.trajectory])[0].max() < self._excursion_limit:
-            return "non_moving"
-        return "learned" if distance <= self.criteria.learned_threshold else "unlearned"
+        Raises:
+            SettingsError: If it is one of another environment.
+            NotFoundError: If its memory is none of this environment's.
+        """
+        state.check(type(self).__name__)
+        self._episodes.restore(0, state.values, state.arrays)
+        self._np_random = generator_from(state.values["random"])
+        self._screen.clear()
+        if isinstance(self._performer, Body):
+            self._performer.set_state(state.arrays["physics"])
+
+
+def check_n_actions(n_actions: int) -> None:
+    """Refuse an episode without an action.
+
+    Raises:
+        SettingsError: Naming it.
+    """
+    if n_actions < 1:
+        raise SettingsError(f"`n_actions` should be at least 1, but is {n_actions}")
+
+
+def checked_pb(action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
+    """Return PB vectors as float64, clipped to [-1, 1].
+
+    Raises:
+        ShapeError: If they do not have this shape or are not finite.
+    """
+    pb = np.asarray(action, dtype=np.float64)
+    if pb.shape != shape or not np.isfinite(pb).all():
+        what = "a finite PB vector" if len(shape or ()) == 1 else "finite PB vectors"
+        raise ShapeError(f"`action` should be {what} of shape {shape}, but is {action!r}")
+    return np.clip(pb, -1.0, 1.0)
+
+
+def told(info: dict[str, Any]) -> str:
+    """Return a caption: outcome, nearest basic action, reward."""
+    return f"{info['outcome']}, nearest {info['nearest_name']}, reward {info['reward_novelty']:.2f}"

@@ -12,11 +12,9 @@ import numpy as np
 from creative_nao.errors import MissingDependencyError
 
 if TYPE_CHECKING:
-    from creative_nao.robot.rendering import Renderer
+    from creative_nao.robot.depth import DepthRenderer
     from creative_nao.robot.scene import Scene
 
-FRAME_DT_S = 0.05
-"""Time between two frames of a film [s]."""
 CAMERA = "close"
 
 
@@ -32,7 +30,7 @@ class Stage:
     def __init__(self, scene: Scene, width: int = 640, height: int = 480) -> None:
         self.scene = scene
         self._size = width, height
-        self._renderer: Renderer | None = None
+        self._renderer: DepthRenderer | None = None
         self._window: Any = None
 
     def widest(self, frames: np.ndarray) -> np.ndarray:
@@ -46,11 +44,22 @@ class Stage:
         Raises:
             MissingDependencyError: If this machine cannot draw; the message names the packages.
         """
-        if self._renderer is None:
-            from creative_nao.robot.rendering import Renderer
+        return self._drawing().frame(snapshot, CAMERA)
 
-            self._renderer = Renderer(self.scene.model, *self._size)
-        return self._renderer.frame(snapshot, CAMERA)
+    def depth(self, snapshot: np.ndarray) -> np.ndarray:
+        """Measure how far away everything is in one snapshot [m], float32 of shape (height, width).
+
+        Raises:
+            MissingDependencyError: If this machine cannot draw; the message names the packages.
+        """
+        return self._drawing().depth(snapshot, CAMERA)
+
+    def _drawing(self) -> DepthRenderer:
+        if self._renderer is None:
+            from creative_nao.robot.depth import DepthRenderer
+
+            self._renderer = DepthRenderer(self.scene.model, *self._size)
+        return self._renderer
 
     def play(self, frames: np.ndarray, frame_dt_s: float) -> None:
         """Play snapshots, (n_frames, nq), in a window at real speed; the window opens with the first.

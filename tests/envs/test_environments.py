@@ -11,6 +11,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 import creative_nao
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.envs.observation import OUTCOMES
+from creative_nao.envs.pages import class_of
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError
 from creative_nao.model import shipped_memories, split_memories
 
@@ -28,12 +29,19 @@ def env(name):
         yield env
 
 
-def play(env, seed, n_steps):
-    """Play random PB points; return all that came back."""
+def play(env, seed, n_actions):
+    """Play random PB points, `n_actions` movements long; return all that came back."""
     rng = np.random.default_rng(seed)
     found = [env.reset(seed=seed)]
-    for _ in range(n_steps):
+    for _ in range(n_actions * env.unwrapped.n_decisions):
         found.append(env.step(rng.uniform(-1, 1, 2).astype(np.float32)))
+    return found
+
+
+def throw(env, pb):
+    """Hold a PB point for a whole movement; return what came of it."""
+    for _ in range(env.unwrapped.n_decisions):
+        found = env.step(pb)
     return found
 
 
@@ -71,7 +79,7 @@ def test_an_episode_has_thirty_actions_and_ends_with_the_three_measures(name):
     with gym.make(name, n_actions=4) as env:
         steps = play(env, 0, 4)[1:]
 
-    assert [step[3] for step in steps] == [False, False, False, True]
+    assert [step[3] for step in steps] == [False] * (len(steps) - 1) + [True]
     assert not any(step[2] for step in steps)
     assert set(steps[-1][4]["episode_measures"]) == {"appropriateness_pct", "novelty", "diversity"}
     assert "episode_measures" not in steps[-2][4]
@@ -79,7 +87,9 @@ def test_an_episode_has_thirty_actions_and_ends_with_the_three_measures(name):
 
 
 def test_every_reward_term_is_in_info(env):
-    for observation, reward, _, _, info in play(env, 1, 4)[1:]:
+    finished = [step for step in play(env, 1, 4)[1:] if "outcome" in step[4]]
+    assert len(finished) == 4
+    for observation, reward, _, _, info in finished:
         scale = env.unwrapped.repertoire.scale
         assert env.observation_space.contains(observation)
         assert info["outcome"] in OUTCOMES
@@ -94,8 +104,7 @@ def test_the_same_point_earns_nothing_the_second_time(env):
     """It is known by then; on the robot the encoders read exactly the same angles again."""
     env.reset()
     pb = env.unwrapped.memory.pb[3].astype(np.float32)
-    first = env.step(pb)
-    second = env.step(pb)
+    first, second = throw(env, pb), throw(env, pb)
 
     assert first[4]["appropriate"]
     assert first[1] > 0.0
@@ -107,7 +116,7 @@ def test_rgb_array_shows_the_robot(name):
     with gym.make(name, render_mode="rgb_array") as env:
         env.reset()
         guard = env.render()
-        env.step(env.unwrapped.memory.pb[1].astype(np.float32))
+        throw(env, env.unwrapped.memory.pb[1].astype(np.float32))
         punch = env.render()
 
     assert guard.shape == punch.shape == (480, 640, 3)
@@ -118,10 +127,38 @@ def test_rgb_array_shows_the_robot(name):
 def test_rgb_array_list_is_a_film_of_what_was_performed(name):
     with gym.make(name, render_mode="rgb_array_list") as env:
         env.reset()
-        env.step(np.zeros(2, np.float32))
+        throw(env, np.zeros(2, np.float32))
         film = env.render()
 
     assert len(film) == 148  # 49 ticks of 0.15 s in frames of 0.05 s, both ends shown
+
+
+def test_depth_array_tells_distances(name):
+    with gym.make(name, render_mode="depth_array") as env, gym.make(name, render_mode="rgb_array") as colours:
+        env.reset()
+        colours.reset()
+        guard = env.render()
+        throw(env, env.unwrapped.memory.pb[1].astype(np.float32))
+        punch = env.render()
+        picture = colours.render()
+
+    assert guard.shape == punch.shape == picture.shape[:2]
+    assert guard.dtype == np.float32
+    assert 0.3 < guard.min() < np.median(guard) < 20, "metres"
+    assert np.abs(punch - guard).max() > 0.05, "the arm is nearer or farther now"
+
+
+def test_a_caption_is_drawn_only_if_asked_for(name):
+    frames = []
+    for overlay in (False, True):
+        with gym.make(name, render_mode="rgb_array", overlay=overlay) as env:
+            env.reset()
+            throw(env, env.unwrapped.memory.pb[1].astype(np.float32))
+            frames.append(env.render())
+    clean, told = frames
+
+    assert np.array_equal(clean[:448], told[:448]), "the caption is at the lower edge"
+    assert not np.array_equal(clean, told)
 
 
 def test_over_the_bank_every_episode_draws_a_memory_by_seed():
@@ -165,6 +202,11 @@ def test_an_action_that_is_no_pb_vector_is_named(env, action):
 def test_bad_arguments_are_named(name, arguments, error, message):
     with pytest.raises(error, match=message):
         gym.make(name, **arguments)
+
+
+def test_an_unknown_render_mode_is_named(name):
+    with pytest.raises(SettingsError, match="`render_mode` should be one of human, rgb_array, .* but is 'ansi'"):
+        class_of(ENVIRONMENTS[name])(render_mode="ansi")
 
 
 def test_importing_the_package_loads_neither_torch_nor_mujoco():

@@ -25,7 +25,7 @@ def test_a_basic_action_is_nothing_new(repertoire, demonstrations):
 def test_what_was_accepted_is_known(repertoire, demonstrations):
     new = demonstrations.trajectories[0] + 0.1
     novelty = repertoire.compare(new)
-    repertoire.accept(new, novelty)
+    repertoire.accept(new)
     again = repertoire.compare(new)
 
     assert repertoire.reward(novelty) > 0
@@ -36,7 +36,7 @@ def test_what_was_accepted_is_known(repertoire, demonstrations):
 def test_the_measures_of_two_actions_by_hand(repertoire, demonstrations):
     first, second = demonstrations.trajectories[0] + 0.1, demonstrations.trajectories[1] - 0.05
     for trajectory in (first, second):
-        repertoire.accept(trajectory, repertoire.compare(trajectory))
+        repertoire.accept(trajectory)
     to_basic = dtw_matrix([first, second], demonstrations.trajectories).min(axis=1)
 
     assert repertoire.measures(n_tried=4) == {
@@ -49,6 +49,6 @@ def test_the_measures_of_two_actions_by_hand(repertoire, demonstrations):
 def test_measures_that_do_not_exist_are_none(repertoire, demonstrations):
     assert repertoire.measures(3) == {"appropriateness_pct": 0.0, "novelty": None, "diversity": None}
 
-    repertoire.accept(demonstrations.trajectories[0], repertoire.compare(demonstrations.trajectories[0]))
+    repertoire.accept(demonstrations.trajectories[0])
     assert repertoire.measures(3)["novelty"] == 0.0
     assert repertoire.measures(3)["diversity"] is None

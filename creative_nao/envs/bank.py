@@ -1,0 +1,141 @@
+"""The memories of an environment, one or a part of the bank, each with what scoring needs of it worked out once."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from creative_nao.demonstrations import Demonstrations
+from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.measures import Criteria, excursion_limit, reward_scale, speed_limits
+from creative_nao.model import SPLITS, load_memory, split_memories
+
+
+class GeneratingMemory(Protocol):
+    """What an environment needs of a memory: `model.Memory` has it, and so may anything else.
+
+    `creative_nao.testing.check_memory` tells whether an object keeps the promises.
+    """
+
+    @property
+    def pb(self) -> np.ndarray:
+        """Learned PB value of each basic action, shape (n_actions, n_pb) in [-1, 1]."""
+        ...
+
+    @property
+    def demonstrations(self) -> Demonstrations:
+        """The basic actions."""
+        ...
+
+    def generate(self, pb: np.ndarray, n_steps: int | None = None) -> np.ndarray:
+        """Return trajectories (n, n_steps, n_joints) [rad] of PB points (n, n_pb)."""
+        ...
+
+
+MemoryLike = str | os.PathLike[str] | GeneratingMemory
+"""A shipped name, a file, a part of the bank, or a memory itself."""
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """A memory and the figures that scoring needs of it.
+
+    Attributes:
+        memory: The memory.
+        name: Its name, or empty.
+        n_pb: PB units.
+        n_steps: Ticks of what it generates.
+        scale: Mean pairwise distance of its basic actions, the unit of the reward [rad].
+        speed_limit: Speed above which a joint fluctuates [rad/s], shape (n_joints,).
+        excursion_limit: Excursion below which an action does not move [rad].
+    """
+
+    memory: Any
+    name: str
+    n_pb: int
+    n_steps: int
+    scale: float
+    speed_limit: np.ndarray
+    excursion_limit: float
+
+    @classmethod
+    def of(cls, memory: GeneratingMemory, criteria: Criteria) -> Facts:
+        """Work the figures out."""
+        taught = memory.demonstrations
+        return cls(
+            memory=memory,
+            name=str(getattr(memory, "name", "")),
+            n_pb=memory.pb.shape[1],
+            n_steps=max(len(trajectory) for trajectory in taught.trajectories),
+            scale=reward_scale(taught),
+            # The fastest basic action itself must pass, whatever the last bit of a division says (see measures).
+            speed_limit=speed_limits(taught, criteria) * (1.0 + 1e-12),
+            excursion_limit=excursion_limit(taught, criteria),
+        )
+
+    @property
+    def demonstrations(self) -> Demonstrations:
+        """Its basic actions."""
+        return self.memory.demonstrations
+
+    @property
+    def form(self) -> tuple[Any, ...]:
+        """What all memories of one environment have in common."""
+        return self.n_pb, self.n_steps, self.demonstrations.n_actions, self.demonstrations.joints
+
+
+class Bank:
+    """The memories an environment may use.
+
+    Args:
+        memory: A memory, its name or file, or a part of the bank: `train`, `validation`, `test`.
+        criteria: Where the lines between outcomes are drawn.
+
+    Raises:
+        NotFoundError: If there is no such memory.
+    """
+
+    def __init__(self, memory: MemoryLike, criteria: Criteria) -> None:
+        self._criteria = criteria
+        self.names = split_memories(memory) if isinstance(memory, str) and memory in SPLITS else ()
+        self._facts: dict[str, Facts] = {}
+        if self.names:
+            self.first = self._load(self.names[0])
+        else:
+            whole = load_memory(memory) if isinstance(memory, str | os.PathLike) else memory
+            self.first = Facts.of(whole, criteria)
+            self._facts[self.first.name] = self.first
+
+    def _load(self, name: str) -> Facts:
+        if name not in self._facts:
+            found = Facts.of(load_memory(name), self._criteria)
+            if self._facts and found.form != self.first.form:
+                raise SettingsError(
+                    f"memory `{name}` should have the PB units, ticks, actions and joints of `{self.first.name}`, "
+                    f"{self.first.form}, to serve in one environment, but has {found.form}"
+                )
+            self._facts[name] = found
+        return self._facts[name]
+
+    def named(self, wanted: str, where: str = 'options["memory"]') -> Facts:
+        """Return the memory of this name.
+
+        Raises:
+            NotFoundError: If it is none of the environment's.
+        """
+        known = self.names or (self.first.name,)
+        if wanted not in known:
+            raise NotFoundError(
+                f"{where}: no memory `{wanted}`{nearest_name(str(wanted), known)} in this environment; "
+                f"there are {', '.join(known)}"
+            )
+        return self._load(wanted) if self.names else self.first
+
+    def draw(self, rng: Any) -> Facts:
+        """Return the memory, or one drawn from the part with `rng()`, a generator made only if it is needed."""
+        if not self.names:
+            return self.first
+        return self._load(self.names[int(rng().integers(len(self.names)))])

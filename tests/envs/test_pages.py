@@ -1,0 +1,104 @@
+"""What the pages of the environments say is so."""
+
+import inspect
+import re
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
+
+from creative_nao.envs import ENVIRONMENTS
+from creative_nao.envs.observation import OUTCOMES
+from creative_nao.envs.pages import class_of, environments_page
+from creative_nao.robot import PhysicalLimits
+from creative_nao.robot.performance import FALL_HEIGHT_M, FALL_TILT_RAD
+
+PAGE = Path(__file__).parents[2] / "docs" / "environments.md"
+
+
+@pytest.fixture(params=ENVIRONMENTS)
+def env(request):
+    with gym.make(request.param) as env:
+        yield env.unwrapped
+
+
+def section(env, title):
+    text = inspect.cleandoc(type(env).__doc__)
+    return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", text, re.DOTALL | re.MULTILINE).group(1)
+
+
+def table(text):
+    """Rows of the first table of a section, without its head."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:]]
+
+
+def test_the_table_of_actions_is_the_space(env):
+    rows = table(section(env, "Action space"))
+
+    assert [int(row[0]) for row in rows] == list(range(env.action_space.shape[0]))
+    for index, _, low, high, unit in rows:
+        assert (env.action_space.low[int(index)], env.action_space.high[int(index)]) == (float(low), float(high))
+        assert unit == "1"
+
+
+def test_the_table_of_observations_is_the_space(env):
+    """Index, name, meaning and range of every row are those of the layout, and nothing is left out."""
+    text, parts = section(env, "Observation space"), env._episodes.parts
+    rows = table(text)
+
+    assert f"`Box({env.observation_space.shape[0]},) float32`" in text
+    assert [row[1] for row in rows] == [part.name for part in parts]
+    for (index, _, meaning, low, high, _), part in zip(rows, parts, strict=True):
+        first, _, last = index.partition("-")
+        assert (int(first), int(last or first) + 1) == (part.start, part.stop)
+        assert meaning == part.meaning
+        where = slice(part.start, part.stop)
+        assert (env.observation_space.low[where] == float(low)).all()
+        assert (env.observation_space.high[where] == float(high)).all()
+
+
+def test_the_outcomes_are_all_there(env):
+    assert ", ".join(f"`{name}`" for name in OUTCOMES) in " ".join(section(env, "Observation space").split())
+
+
+def test_the_arguments_and_their_defaults_are_those_of_the_constructor(env):
+    rows = table(section(env, "Arguments"))
+    arguments = inspect.signature(type(env).__init__).parameters
+
+    assert {row[0] for row in rows} == set(arguments) - {"self"}
+    for name, default, _ in rows:
+        assert default.strip("`").strip('"') == str(arguments[name].default), name
+
+
+def test_the_length_of_an_episode_is_the_one_told(env):
+    text = section(env, "Episode end")
+
+    assert f"`n_actions` ({env.n_actions})" in text
+    if env.n_decisions > 1:
+        assert f"{env.n_actions * env.n_decisions} steps" in text
+
+
+def test_every_page_has_all_sections(env):
+    titles = re.findall(r"^ *## (.*)$", type(env).__doc__, re.MULTILINE)
+    assert titles == [
+        "Description", "Action space", "Observation space", "Rewards", "Starting state", "Episode end", "Arguments",
+        "Version history",
+    ]  # fmt: skip
+
+
+def test_the_thresholds_of_the_body_are_the_ones_in_force():
+    rows = dict(table(section(class_of(ENVIRONMENTS["CreativeNao/Boxing-v0"]).__new__(
+        class_of(ENVIRONMENTS["CreativeNao/Boxing-v0"])), "Rewards")))  # fmt: skip
+    limits = PhysicalLimits()
+
+    assert f"{limits.joint_limit_rad} rad" in rows["joint_limit"]
+    assert f"{limits.self_collision_share:.0%}".replace("%", " %") in rows["self_collision"]
+    assert f"{limits.torque_saturated_share:.0%}".replace("%", " %") in rows["torque_saturated"]
+    assert f"{limits.tracking_error_rad} rad" in rows["tracking_error"]
+    assert f"{FALL_HEIGHT_M} m" in rows["fell"]
+    assert f"{FALL_TILT_RAD} rad" in rows["fell"]
+
+
+def test_the_page_of_the_documentation_is_current():
+    assert PAGE.read_text(encoding="utf-8") == environments_page(), "run `python docs/make_environments.py`"
