@@ -1,28 +1,69 @@
-"""Draw the pictures of the documentation again: `python docs/make_images.py`. Needs off-screen OpenGL."""
+"""Draw the pictures of the documentation again: `python docs/make_images.py [strips] [film] [maps] [physical]`."""
 
+import sys
 from pathlib import Path
 
-from creative_nao import load_demonstrations, load_memory, pb_map
-from creative_nao.robot import Performer, film_strip, pictures
+import numpy as np
 
-IMAGES = Path(__file__).parent / "images"
+from creative_nao import load_demonstrations, load_memory, pb_map
+from creative_nao.envs.physical_chart import PhysicalMap
+from creative_nao.robot import Performer, PlaybackSettings, film_strip, pictures, write_gif
+
+DOCS = Path(__file__).parent
+IMAGES = DOCS / "images"
+MEMORIES = ("open_0", "half_0", "closed_0")
 MOMENTS = {"right_straight": (0, 6, 8, 10, 14, 18), "left_hook": (0, 5, 8, 11, 13, 17)}
 """Ticks of the first punch that tell it best."""
+FILM = ("right_straight", "left_hook", "right_uppercut")
+"""Their first punches follow each other in the film."""
+FILM_TICKS = slice(2, 19)
+FILM_FRAME_S = 0.05
 
 
-def main() -> None:
-    """Draw film strips of two basic actions in physics and the maps of the shipped memories."""
+def strips() -> None:
+    """Draw film strips of two basic actions in physics."""
     demos = load_demonstrations()
     performer = Performer()
     for name, ticks in MOMENTS.items():
         done = performer.perform(demos.trajectory(name), demos.dt_s, keep_frames=True)
+        assert done.frames is not None
         per_tick = round(demos.dt_s / done.frame_dt_s)
         frames = done.frames[[tick * per_tick for tick in ticks]]
         images = pictures(performer.scene, frames, camera="close", width=260, height=300, shadows=True, smooth=2)
         film_strip(images, IMAGES / f"{name}.png")
-    for name in ("open/0", "half/0", "closed/0"):
-        pb_map(load_memory(name)).plot(IMAGES / f"map_{name.replace('/', '_')}.png")
+
+
+def film() -> None:
+    """Draw three punches at the robot's own pace as a GIF of less than 2 MB."""
+    demos = load_demonstrations()
+    performer = Performer(settings=PlaybackSettings(frame_dt_s=FILM_FRAME_S))
+    frames = []
+    for name in FILM:
+        done = performer.perform(demos.trajectory(name), demos.dt_s, keep_frames=True)
+        assert done.frames is not None
+        per_tick = round(demos.dt_s / done.frame_dt_s)
+        frames.append(done.frames[FILM_TICKS.start * per_tick : FILM_TICKS.stop * per_tick])
+    images = pictures(
+        performer.scene, np.concatenate(frames), camera="close", width=288, height=270, shadows=True, smooth=2
+    )
+    write_gif(images, IMAGES / "boxing.gif", frame_dt_s=FILM_FRAME_S)
+
+
+def maps() -> None:
+    """Draw the maps of the shipped memories."""
+    for name in MEMORIES:
+        pb_map(load_memory(name.replace("_", "/"))).plot(IMAGES / f"map_{name}.png")
+
+
+def physical() -> None:
+    """Draw what the robot makes of them, from the results in docs/results/physical."""
+    for name in MEMORIES:
+        result = DOCS / "results" / "physical" / f"{name}.npz"
+        if result.exists():
+            PhysicalMap.load(result).plot(IMAGES / f"physical_{name}.png")
 
 
 if __name__ == "__main__":
-    main()
+    drawn = {"strips": strips, "film": film, "maps": maps, "physical": physical}
+    for word in sys.argv[1:] or drawn:
+        drawn[word]()
