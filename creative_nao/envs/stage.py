@@ -12,7 +12,7 @@ import numpy as np
 from creative_nao.errors import MissingDependencyError
 
 if TYPE_CHECKING:
-    from creative_nao.robot.depth import DepthRenderer
+    from creative_nao.robot.rendering import Renderer
     from creative_nao.robot.scene import Scene
 
 CAMERA = "close"
@@ -30,7 +30,7 @@ class Stage:
     def __init__(self, scene: Scene, width: int = 640, height: int = 480) -> None:
         self.scene = scene
         self._size = width, height
-        self._renderer: DepthRenderer | None = None
+        self._renderer: Renderer | None = None
         self._window: Any = None
 
     def widest(self, frames: np.ndarray) -> np.ndarray:
@@ -54,11 +54,11 @@ class Stage:
         """
         return self._drawing().depth(snapshot, CAMERA)
 
-    def _drawing(self) -> DepthRenderer:
+    def _drawing(self) -> Renderer:
         if self._renderer is None:
-            from creative_nao.robot.depth import DepthRenderer
+            from creative_nao.robot.rendering import Renderer
 
-            self._renderer = DepthRenderer(self.scene.model, *self._size)
+            self._renderer = Renderer(self.scene.model, *self._size)
         return self._renderer
 
     def play(self, frames: np.ndarray, frame_dt_s: float) -> None:

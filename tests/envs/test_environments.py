@@ -205,7 +205,7 @@ def test_bad_arguments_are_named(name, arguments, error, message):
 
 
 def test_an_unknown_render_mode_is_named(name):
-    with pytest.raises(SettingsError, match="`render_mode` should be one of human, rgb_array, .* but is 'ansi'"):
+    with pytest.raises(SettingsError, match=r"`render_mode` should be one of human, rgb_array, .* but is 'ansi'"):
         class_of(ENVIRONMENTS[name])(render_mode="ansi")
 
 
