@@ -4,11 +4,14 @@ Forward mode: the derivative with respect to each unknown runs along as further 
 two unknowns and hundreds of angles, so this costs three generations; backpropagation would have to keep every tick.
 """
 
+# pyright: reportCallIssue=false
+
 from __future__ import annotations
 
 import numpy as np
 
 from creative_nao.model.kernels import F, compiled, exp32, tanh32
+from creative_nao.model.vectors import multiply_add
 
 
 @compiled()
@@ -141,5 +144,5 @@ def generate_with_slopes(
                 _add_inputs(w_in[i], 0, n_codes, x, total)
             _add_inputs(w_hidden[i], first[i], last[i], y, total)
             for lane in range(width):
-                state[lane] = (F(1) - rate[i]) * state[lane] + rate[i] * total[lane]
+                state[lane] = multiply_add(F(1) - rate[i], state[lane], rate[i] * total[lane])
         x, code = code, x  # closed loop: the prediction is the next input
