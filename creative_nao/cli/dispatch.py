@@ -20,6 +20,7 @@ COMMANDS = {
     "map": ("map", "MapSettings", "generate and score a whole grid of a memory's PB space"),
     "score": ("score", "ScoreSettings", "score recorded movements against the basic actions"),
     "infer": ("infer", "InferSettings", "find the point of a memory's PB space that makes a recorded movement"),
+    "export": ("export", "ExportSettings", "write a movement for a robot, another program, or as a film"),
     "evaluate": ("evaluate", "EvaluateSettings", "compare agents on a suite; ends with a table and a report"),
     "memories": ("memories", "MemoriesSettings", "list the shipped memories"),
     "doctor": ("doctor", "DoctorSettings", "say what this machine can do"),
@@ -97,7 +98,9 @@ def _parse(settings_class: type, name: str, words: list[str]) -> Any:
 
 def _one_line(box: str) -> str:
     """Return the message of a framed, many-lined complaint as one line."""
-    lines = [re.sub(r"[╭╮╰╯│─|+]+|-{5,}", " ", line).strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", box).splitlines()]
+    lines = [
+        re.sub(r"[╭╮╰╯│─|+]+|-{5,}", " ", line).strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", box).splitlines()
+    ]
     sentences = []
     for line in lines[1:]:
         if not line or line.startswith(("Argument helptext", "For full helptext")):

@@ -1,0 +1,137 @@
+"""`creative-nao export`: a movement for a robot, another simulator, another program, or the eye."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import tyro
+
+from creative_nao import exchange, provenance
+from creative_nao.cli.export_film import FILM_ENDINGS, export_film
+from creative_nao.errors import SettingsError
+from creative_nao.exchange import Exported, Motion, Unsafe
+
+Format = Literal["csv", "npz", "naoqi", "json", "ros", "webots", "gif", "mp4"]
+
+
+@dataclass(frozen=True)
+class ExportSettings:
+    """Write one movement to a file: from a PB value, a basic action, or a recording in any known format.
+
+    Every movement is checked against the ranges and speeds of the robot's joints first.
+    """
+
+    out: Path
+    """File to write; its ending tells the format, see --format."""
+    memory: tyro.conf.Positional[str] = "half/0"
+    """Shipped name, such as half/0, or a memory file."""
+    pb: tuple[float, ...] | None = None
+    """PB value in [-1, 1] from which the memory generates the movement; one number for each PB unit."""
+    action: str | None = None
+    """Basic action of the memory, such as left_jab, as it was taught."""
+    csv: Path | None = None
+    """CSV file with the header time_s,RShoulderPitch,... to take the movement from."""
+    from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
+    """File of any known format to take the movement from; the format is recognised."""
+    format: Format | None = None
+    """csv, npz, naoqi (.py), json, ros (.yaml, .json), webots (.motion), gif or mp4; default: by the ending."""
+    unsafe: Unsafe = "refuse"
+    """What to do beyond the joints' ranges and speeds: clip keeps angles within and slows down; keep is for data."""
+    n_steps: int | None = None
+    """Ticks to generate with --pb; default: as long as the longest basic action."""
+    dt_s: float | None = None
+    """Tick to bring a recording to [s]; default: its own if its postures are evenly spaced, else 0.15."""
+    imagined: bool = False
+    """For a film: the arms follow exactly; without it the simulated robot performs the movement."""
+    camera: Literal["close", "ringside", "side", "left"] = "close"
+    """For a film: where to look from."""
+    width: int = 480
+    """For a film: width in pixels."""
+    height: int = 360
+    """For a film: height in pixels."""
+    json: bool = False
+    """Print what was written as JSON."""
+
+
+def run(settings: ExportSettings) -> int:
+    """Find the movement, write the file, say what was changed for safety."""
+    format = settings.format or _format_for(settings.out)
+    motion, notes = _motion(settings)
+    if format in FILM_ENDINGS:
+        done = export_film(
+            settings.out, motion, format, unsafe=settings.unsafe, imagined=settings.imagined,
+            camera=settings.camera, width=settings.width, height=settings.height,
+        )  # fmt: skip
+    else:
+        done = exchange.write(settings.out, motion, format, unsafe=settings.unsafe)
+    notes = [*notes, *done.notes]
+    print(json.dumps(_figures(done, notes)) if settings.json else _told(done, notes))  # noqa: T201
+    return 0
+
+
+def _format_for(path: Path) -> str:
+    for name, endings in FILM_ENDINGS.items():
+        if path.suffix.lower() in endings:
+            return name
+    return exchange.format_for(path)
+
+
+def _motion(settings: ExportSettings) -> tuple[Motion, list[str]]:
+    """Return the movement that was asked for, and what was recognised in its file."""
+    given = [name for name in ("pb", "action", "csv", "from_") if getattr(settings, name) is not None]
+    if len(given) != 1:
+        told = " and ".join(f"--{name.rstrip('_')}" for name in given) or "none of them"
+        raise SettingsError(f"export: give one of --pb, --action, --csv and --from, but there is {told}")
+    metadata = {"command": provenance.command_line(), "versions": provenance.versions()}
+    file = settings.csv or settings.from_
+    if file is not None:
+        if settings.n_steps is not None:
+            raise SettingsError("export: --n-steps is for --pb; a recording has its own length")
+        read = exchange.read(file, settings.dt_s, format="csv" if settings.csv else None)
+        metadata = {"source": f"recording {file.name}", "recording": read.motion.metadata} | metadata
+        return Motion(read.motion.angles, read.motion.dt_s, read.motion.joints, metadata), list(read.notes)
+    if settings.dt_s is not None:
+        raise SettingsError("export: --dt-s is for --csv and --from; a memory has its own tick")
+    from creative_nao.model import load_memory
+
+    memory = load_memory(settings.memory)
+    source = {"memory": settings.memory}
+    if settings.action is not None:
+        if settings.n_steps is not None:
+            raise SettingsError("export: --n-steps is for --pb; a basic action has its own length")
+        angles = memory.demonstrations.trajectory(settings.action)
+        source |= {"source": f"basic action {settings.action} of memory {settings.memory}", "action": settings.action}
+    else:
+        assert settings.pb is not None
+        angles = memory.generate(np.array([settings.pb]), settings.n_steps)[0]
+        source |= {"source": f"memory {settings.memory} at PB {list(settings.pb)}", "pb": list(settings.pb)}
+    return Motion(angles, memory.dt_s, memory.joints, source | metadata), []
+
+
+def _figures(done: Exported, notes: list[str]) -> dict[str, object]:
+    return {
+        "out": str(done.path),
+        "format": done.format,
+        "source": done.motion.metadata.get("source"),
+        "n_steps": len(done.motion.angles),
+        "dt_s": done.motion.dt_s,
+        "duration_s": round(done.motion.duration_s, 9),
+        "changes": list(done.changes),
+        "notes": notes,
+        "record": None if done.record is None else str(done.record),
+    }
+
+
+def _told(done: Exported, notes: list[str]) -> str:
+    lines = [
+        f"{done.path}: {done.format}, {done.motion.metadata.get('source')}, {len(done.motion.angles)} postures, "
+        f"{done.motion.duration_s:.2f} s"
+    ]
+    lines += [f"  {sentence}" for sentence in (*done.changes, *notes)]
+    if done.record is not None:
+        lines.append(f"  source, command and versions: {done.record}")
+    return "\n".join(lines)
