@@ -1,34 +1,127 @@
-"""`creative-nao doctor`: what this machine has."""
+"""`creative-nao doctor`: what this machine has, and what would help where something is missing."""
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import json
 import os
 import sys
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 from creative_nao.provenance import versions
+from creative_nao.robot import headless
+
+_GIB = 2**30
 
 
 @dataclass(frozen=True)
 class DoctorSettings:
-    """Say which versions are installed, how many cores there are and whether frames can be rendered."""
+    """Say which versions are installed, what the machine has and how frames can be drawn."""
 
     json: bool = False
     """Print it as JSON."""
 
 
 def run(settings: DoctorSettings) -> int:
-    """Print the findings; exit code 0 even without rendering, which nothing but pictures needs."""
-    from creative_nao.robot.headless import working_backend
-
-    n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    found = {"versions": versions(), "cores": n_cores, "platform": sys.platform, "rendering": working_backend()}
-    if settings.json:
-        print(json.dumps(found))  # noqa: T201 - the command's output
-        return 0
-    for name, version in found["versions"].items():
-        print(f"{name:<20} {version}")  # noqa: T201
-    print(f"{'cores':<20} {n_cores}")  # noqa: T201
-    print(f"{'rendering':<20} {found['rendering']}")  # noqa: T201
+    """Print the findings; exit code 0 whatever is missing, since the software renderer draws everywhere."""
+    found = examine()
+    print(json.dumps(found) if settings.json else _table(found))  # noqa: T201 - the command's output
     return 0
+
+
+def examine() -> dict[str, Any]:
+    """Return everything there is to know, as plain JSON values."""
+    back_ends = {name: headless.probe(name) for name in headless.ON}
+    return {
+        "versions": versions(),
+        "platform": sys.platform,
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        "memory_gib": _memory_gib(),
+        "display": os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY") or None,
+        "mujoco_gl": os.environ.get("MUJOCO_GL") or None,
+        "back_ends": {
+            name: {"works": not reason, "reason": reason or None, "apt": headless.PACKAGES[name]}
+            for name, reason in back_ends.items()
+        },
+        "rendering": headless.working_backend(),
+        "software_renderer": _draws_in_software(back_ends),
+        "numba_cache": _numba_cache(),
+        "torch_threads": _torch_threads(),
+        "video": importlib.util.find_spec("imageio_ffmpeg") is not None,
+    }
+
+
+def _draws_in_software(back_ends: dict[str, str]) -> bool:
+    """Tell whether a `Renderer` made now would draw in software."""
+    chosen = os.environ.get("MUJOCO_GL", "").lower()
+    if chosen in headless.OFF:
+        return True
+    return bool(back_ends[chosen]) if chosen in back_ends else all(back_ends.values())
+
+
+def _memory_gib() -> dict[str, float | None]:
+    """Return the machine's memory and what is free of it [GiB]; None where the system does not tell."""
+    try:
+        page = os.sysconf("SC_PAGE_SIZE") / _GIB
+        total, free = page * os.sysconf("SC_PHYS_PAGES"), page * os.sysconf("SC_AVPHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return {"total": None, "available": None}
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        told = dict(line.split(":", 1) for line in lines if ":" in line)
+        free = int(told["MemAvailable"].split()[0]) * 1024 / _GIB  # caches count as available, unlike above
+    except (OSError, KeyError, ValueError):
+        pass
+    return {"total": round(total, 1), "available": round(free, 1)}
+
+
+def _numba_cache() -> dict[str, Any]:
+    """Return where numba keeps compiled functions: the first folder it can write to, in numba's own order."""
+    beside = Path(__file__).parents[1] / "measures" / "__pycache__"
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "numba"
+    asked = os.environ.get("NUMBA_CACHE_DIR")
+    folders = [Path(asked)] if asked else [beside, home]
+    for folder in folders:
+        if _writable(folder):
+            return {"folder": str(folder), "writable": True}
+    return {"folder": str(folders[0]), "writable": False}
+
+
+def _writable(folder: Path) -> bool:
+    """Try to write: permissions alone tell nothing about a file system that is mounted for reading."""
+    here = next((place for place in (folder, *folder.parents) if place.exists()), folder)
+    try:
+        with tempfile.TemporaryFile(dir=here):
+            return True
+    except OSError:
+        return False
+
+
+def _torch_threads() -> int | None:
+    try:
+        return int(importlib.import_module("torch").get_num_threads())
+    except ImportError:
+        return None
+
+
+def _table(found: dict[str, Any]) -> str:
+    memory, cache = found["memory_gib"], found["numba_cache"]
+    rows = list(found["versions"].items())
+    rows.append(("cores", found["cores"]))
+    if memory["total"] is not None:
+        rows.append(("memory", f"{memory['available']:.1f} of {memory['total']:.1f} GiB available"))
+    rows.append(("display", found["display"] or "none"))
+    for name, state in found["back_ends"].items():
+        advice = f"no: {state['reason']}; apt-get install {state['apt']}"
+        rows.append((f"rendering: {name}", "works" if state["works"] else advice))
+    used = "used" if found["software_renderer"] else "works, not used"
+    rows.append(("rendering: software", f"{used} (MUJOCO_GL={found['mujoco_gl'] or 'not set'})"))
+    rows.append(("MP4 films", "yes" if found["video"] else "no: pip install imageio-ffmpeg (GIF needs nothing)"))
+    advice = "" if cache["writable"] else ", cannot be written: every process compiles anew; set NUMBA_CACHE_DIR"
+    rows.append(("numba cache", f"{cache['folder']}{advice}"))
+    rows.append(("torch threads", found["torch_threads"] if found["torch_threads"] else "torch is missing"))
+    return "\n".join(f"{name:<20} {value}" for name, value in rows)

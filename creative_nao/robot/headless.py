@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import subprocess
 import sys
 
 _EGL_PLATFORM_DEVICE = 0x313F
@@ -52,6 +53,43 @@ def working_backend() -> str:
     if _loads("libOSMesa.so.8") or _loads("libOSMesa.so.6"):
         return "osmesa"
     return "disable"
+
+
+def probe(backend: str, timeout_s: float = 60.0) -> str:
+    """Start one of `ON` in a process of its own, as drawing would; return an empty text if it works, else why not."""
+    missing = _missing(backend)
+    if missing:
+        return missing
+    code = (
+        f"import mujoco; from mujoco.{backend} import GLContext; gl = GLContext(16, 16); gl.make_current(); "
+        "mujoco.MjrContext(mujoco.MjModel.from_xml_string('<mujoco/>'), mujoco.mjtFontScale.mjFONTSCALE_100).free(); "
+        "gl.free()"
+    )
+    command = [sys.executable, "-W", "ignore", "-c", code]
+    environment = {name: value for name, value in os.environ.items() if name != "PYOPENGL_PLATFORM"}
+    try:
+        done = subprocess.run(  # noqa: S603 - our own words and one of three names
+            command, env=environment | {"MUJOCO_GL": backend}, capture_output=True, text=True, timeout=timeout_s
+        )
+    except subprocess.TimeoutExpired:
+        return f"no answer within {timeout_s:g} s"
+    if done.returncode == 0:
+        return ""
+    said = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+    return said[-1][:200] if said else f"the process ended with {done.returncode}"
+
+
+def _missing(backend: str) -> str:
+    """Return what a back end obviously lacks, in words that its own failure would not find."""
+    if not sys.platform.startswith("linux"):
+        return ""
+    if backend == "glfw" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return "no display; xvfb-run gives a virtual one"
+    if backend == "osmesa" and not (_loads("libOSMesa.so.8") or _loads("libOSMesa.so.6")):
+        return "libOSMesa is missing"
+    if backend == "egl" and not _loads("libEGL.so.1"):
+        return "libEGL is missing"
+    return ""
 
 
 def _loads(library: str) -> bool:
