@@ -153,7 +153,10 @@ def _in_short(content: Content) -> list[Block]:
         lines.append(f"{SIGN[UNDECIDED]}: " + " ".join(one["says"] for one in groups[UNDECIDED]))
     blocks.append(Bullets(tuple(lines)))
     if content.sensitivity:
-        blocks.append(Bullets(tuple(sensitivity_page.findings(content.sensitivity))))
+        changing = sensitivity_page.findings(content.sensitivity, only_changing=True)
+        told = "What depends on the open choices" if changing else "No verdict that Table I decides depends on them"
+        blocks.append(Text(f"{told} ([more below](#what-depends-on-which-open-choice)):" if changing else f"{told}."))
+        blocks += [Bullets(tuple(changing))] if changing else []
     return blocks
 
 

@@ -42,7 +42,7 @@ class Scoring:
 
 
 SCORINGS = (
-    Scoring("default", "as everywhere else"),
+    Scoring("default", "the defaults"),
     Scoring("independent", "DTW: a path of its own for each joint", {"dependent": False}),
     Scoring("window", f"DTW: window of {WINDOW_TICKS} ticks", {"window": WINDOW_TICKS}),
     Scoring("normalised", "DTW: divided by the length of the path", {"normalise": True}),
@@ -102,15 +102,16 @@ def _tick_020(demos: Demonstrations) -> Demonstrations:
 
 
 def _slower(demos: Demonstrations) -> Demonstrations:
-    return retimed(demos, dt_s=demos.dt_s, n_steps=75, slower=1.5)
+    return retimed(demos, dt_s=demos.dt_s, n_steps=50, slower=1.5)
 
 
 TRAININGS = (
-    Training("default", "as everywhere else"),
+    Training("default", "the defaults"),
     Training("rad2", "sigma 0.5 in rad^2", NetworkSettings(sigma_unit="rad2")),
+    # What the network sees is the angle from tick to tick: this is also a movement 1.5 times as slow at 0.15 s.
     Training("tick-0.10", "tick 0.10 s, 75 ticks", demonstrations=_tick_010),
     Training("tick-0.20", "tick 0.20 s, 38 ticks", demonstrations=_tick_020),
-    Training("slower", "movements 1.5 times as slow, 75 ticks", demonstrations=_slower),
+    Training("slower", "1.5 times as slow, 50 ticks: two punches", demonstrations=_slower),
     Training("pb-weights", "initial PB weights ten times as large", NetworkSettings(pb_weight_scale=1.0)),
     Training("weights", "initial weights twice as large", NetworkSettings(weight_scale=1.0)),
 )
