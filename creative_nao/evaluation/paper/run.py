@@ -18,7 +18,13 @@ from creative_nao.evaluation.paper.bank import Entry, Report, label, shipped_ban
 from creative_nao.evaluation.paper.claims import judge
 from creative_nao.evaluation.paper.measuring import measure_entry
 from creative_nao.evaluation.paper.publishing import write_page
-from creative_nao.evaluation.paper.sensitivity import SensitivitySettings, study_scoring, study_training, totals
+from creative_nao.evaluation.paper.sensitivity import (
+    RESCORE,
+    SensitivitySettings,
+    epochs_of_training,
+    study_scoring,
+    study_training,
+)
 from creative_nao.evaluation.paper.settings import PaperSettings
 from creative_nao.evaluation.paper.summary import make_results, networks_csv
 from creative_nao.evaluation.paper.threads import in_threads
@@ -90,8 +96,10 @@ def reproduce(
     _write(folder / "claims.json", claims)
     atomic.write_text(folder / "networks.csv", networks_csv(networks))
     if sensitivity is not None:
-        with watch(totals(bank, sensitivity)) as report:
+        # Two displays: a network scored again and an epoch of training are no common unit of time.
+        with watch({RESCORE: len(bank)}) as report:
             scoring = study_scoring(bank, folder, sensitivity, n_workers=cores, report=report)
+        with watch(epochs_of_training(sensitivity)) as report:
             training = study_training(folder, sensitivity, n_workers=cores, report=report)
         described = sensitivity.described()
         _write(folder / "sensitivity.json", {"settings": described, "scoring": scoring, "training": training})

@@ -137,12 +137,11 @@ def study_training(
 RESCORE = "score again"
 
 
-def totals(bank: Sequence[Entry], settings: SensitivitySettings) -> dict[str, int]:
-    """Return the units of work of each piece that is reported, by name."""
-    trained = {
+def epochs_of_training(settings: SensitivitySettings) -> dict[str, int]:
+    """Return the epochs of each network that `study_training` trains, by the name under which it is reported."""
+    return {
         f"{way.key}: {label(one)}": settings.n_epochs for way in settings.trainings for one in networks_of(settings)
     }
-    return {RESCORE: len(bank), **trained}
 
 
 def networks_of(settings: SensitivitySettings) -> list[TrainingSettings]:

@@ -6,11 +6,12 @@ import pytest
 from creative_nao.evaluation.paper.bank import Entry
 from creative_nao.evaluation.paper.rescoring import learned_threshold, rescore
 from creative_nao.evaluation.paper.sensitivity import (
+    RESCORE,
     SensitivitySettings,
+    epochs_of_training,
     order_of,
     study_scoring,
     study_training,
-    totals,
 )
 from creative_nao.evaluation.paper.sensitivity_page import findings
 from creative_nao.evaluation.paper.variants import SCORINGS, TRAININGS, retimed
@@ -119,7 +120,7 @@ def test_every_way_has_figures_and_verdicts_for_every_condition(studied):
 def test_all_work_that_is_announced_is_reported_done(studied):
     _, bank, _, seen = studied
     last = {name: done for name, done, _ in seen}
-    assert last == totals(bank, SMALL)
+    assert last == {RESCORE: len(bank), **epochs_of_training(SMALL)}
 
 
 def test_a_study_that_is_there_is_not_made_again(studied):
