@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import json
+import shlex
 import sys
 import time
 from dataclasses import dataclass
@@ -15,13 +16,17 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 from rich.progress import Progress as Bar
 
+from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.evaluation.entrants import check_entrant
+from creative_nao.evaluation.executors import Executor, LocalExecutor
 from creative_nao.evaluation.run import Evaluation, evaluate
 from creative_nao.evaluation.runner import Progress
-from creative_nao.evaluation.suites import SUITES, find_suite
+from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, find_suite
 from creative_nao.evaluation.tables import terminal_table
 
-PAPER, PAPER_FLAGS = "paper", ("quick", "retrain", "sensitivity", "docs")
+PAPER, PAPER_FLAGS = "paper", ("quick", "retrain", "sensitivity")
+LEADERBOARD, VERIFY = "leaderboard", "verify"
 
 PLAIN_EVERY_S = 15.0
 """Between two lines of progress where no terminal can show a bar."""
@@ -32,7 +37,12 @@ class EvaluateSettings:
     """Compare agents on a suite, or reproduce the paper; results, figures and a report go to a run folder."""
 
     suite: tyro.conf.Positional[str] = "quick"
-    """`quick`: agents on one memory; `paper`: the paper's Table I, figures and conclusions over many networks."""
+    """`quick`: agents on one memory; `search`: all agents on memories no training has seen; `physical`: what the body
+    changes; `modulation`: a PB that changes while a movement unfolds; `transfer`: memories of other demonstrations; a
+    TOML file of your own; `paper`: the paper's Table I, figures and conclusions over many networks; `leaderboard`:
+    compare finished runs; `verify`: play a result file's episodes again."""
+    files: tyro.conf.Positional[tuple[Path, ...]] = ()
+    """leaderboard: finished run folders; verify: a result file or run folder."""
     out: Path | None = None
     """Run folder; runs/SUITE-TIMESTAMP unless given. Must be new or empty unless --resume is given."""
     seed: int = 0
@@ -43,6 +53,16 @@ class EvaluateSettings:
     """Continue the run folder --out: finished jobs are not done again."""
     json: bool = False
     """Print results.json instead of the table."""
+    agents: str | None = None
+    """Only these agents, with commas between: names, shipped bundles, or bundle files of your own."""
+    demonstrations: Path | None = None
+    """transfer: folder of CSV recordings, a basic action each, on which the memories are trained."""
+    scheduler: str | None = None
+    """Address of a Dask scheduler, such as tcp://node1:8786: jobs run on its workers instead of on this machine."""
+    sample: int = 6
+    """verify: episodes to play again, spread over the file; 0: all."""
+    row: int | None = None
+    """verify: only this row of the file, counted from 1."""
     quick: bool = False
     """paper: train a few networks for a short time, to see in minutes what it looks like."""
     retrain: bool = False
@@ -50,7 +70,7 @@ class EvaluateSettings:
     sensitivity: bool = False
     """paper: also change the open choices one at a time; about ten minutes more."""
     docs: Path | None = None
-    """paper: bring page, pictures and result files into this documentation folder."""
+    """Bring result files and the pages that stand on them into this documentation folder."""
 
 
 def run(settings: EvaluateSettings) -> int:
@@ -59,44 +79,114 @@ def run(settings: EvaluateSettings) -> int:
     Raises:
         CreativeNaoError: If the user made a mistake, or a job failed at every attempt.
     """
-    if settings.suite not in (*SUITES, PAPER):
-        known = (*SUITES, PAPER)
-        raise NotFoundError(
-            f"no suite `{settings.suite}`{nearest_name(settings.suite, known)}; there are: {', '.join(known)}"
-        )
-    if settings.resume and settings.out is None:
-        raise SettingsError("--resume continues a run folder: name it with --out")
-    if settings.n_workers is not None and settings.n_workers < 1:
-        raise SettingsError(f"`--n-workers` should be at least 1, but is {settings.n_workers}")
-    if settings.seed < 0:
-        raise SettingsError(f"`--seed` should be at least 0, but is {settings.seed}")
+    _check(settings)
     if settings.suite == PAPER:
         return _paper(settings)
-    given = [name for name in PAPER_FLAGS if getattr(settings, name)]
-    if given:
-        raise SettingsError(f"--{given[0]} belongs to `creative-nao evaluate {PAPER}`, not to `{settings.suite}`")
-    suite = find_suite(settings.suite)
-    stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
-    folder = settings.out or Path("runs") / f"{suite.name}-{stamp}"
+    if settings.suite == LEADERBOARD:
+        from creative_nao.cli.evaluate_files import run_leaderboard
+
+        return run_leaderboard(settings.files, settings.docs)
     # Progress goes to stderr, so that --json leaves stdout to the figures.
     console = Console(stderr=True)
+    executor = _executor(settings)
+    if settings.suite == VERIFY:
+        from creative_nao.cli.evaluate_files import run_verify
+
+        with _Display(console) as display:
+            return run_verify(
+                settings.files, n_sample=settings.sample, row=settings.row, as_json=settings.json,
+                executor=executor, on_progress=display.show,
+            )  # fmt: skip
+    suite = _chosen(settings)
+    if settings.docs is not None and not settings.docs.is_dir():
+        raise SettingsError(f"--docs should name the folder of the documentation, but {settings.docs} is none")
+    stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
+    folder = settings.out or Path("runs") / f"{suite.name}-{stamp}"
+    words = _words(settings)
     try:
         with _Display(console) as display:
             evaluation = evaluate(
                 suite,
                 folder,
                 seed=settings.seed,
-                n_workers=settings.n_workers,
+                executor=executor,
                 resume=settings.resume,
-                command=f"creative-nao evaluate {suite.name} --seed {settings.seed}",
+                command=words,
                 on_progress=display.show,
             )
     except KeyboardInterrupt:
-        again = f"creative-nao evaluate {suite.name} --out {folder} --seed {settings.seed} --resume"
+        where = "" if settings.scheduler is None else f" --scheduler {settings.scheduler}"
+        again = f"{words} --out {folder}{where} --resume"
         console.print(f"stopped; finished jobs are kept, continue with: {again}", soft_wrap=True, highlight=False)
         return 130
     _show(evaluation, as_json=settings.json, console=console)
+    if settings.docs is not None:
+        from creative_nao.cli.evaluate_files import run_leaderboard
+
+        return run_leaderboard((folder,), settings.docs)
     return 0
+
+
+def _check(settings: EvaluateSettings) -> None:
+    """Refuse what cannot be done, before anything starts."""
+    known = (*SUITE_NAMES, PAPER, LEADERBOARD, VERIFY)
+    if settings.suite not in known and not settings.suite.endswith(SUFFIX):
+        raise NotFoundError(
+            f"no suite `{settings.suite}`{nearest_name(settings.suite, known)}; there are: {', '.join(known)}, "
+            f"or a file of your own ending in {SUFFIX}"
+        )
+    if settings.resume and settings.out is None:
+        raise SettingsError("--resume continues a run folder: name it with --out")
+    if settings.n_workers is not None and settings.n_workers < 1:
+        raise SettingsError(f"`--n-workers` should be at least 1, but is {settings.n_workers}")
+    if settings.n_workers is not None and settings.scheduler is not None:
+        raise SettingsError(
+            "`--n-workers` counts processes of this machine; with --scheduler the cluster's workers decide"
+        )
+    if settings.seed < 0:
+        raise SettingsError(f"`--seed` should be at least 0, but is {settings.seed}")
+    if settings.files and settings.suite not in (LEADERBOARD, VERIFY):
+        raise SettingsError(f"`{settings.files[0]}`: files belong to leaderboard and verify, not to `{settings.suite}`")
+    if settings.suite != PAPER and (given := [name for name in PAPER_FLAGS if getattr(settings, name)]):
+        raise SettingsError(f"--{given[0]} belongs to `creative-nao evaluate {PAPER}`, not to `{settings.suite}`")
+    own = [name for name in ("agents", "demonstrations", "scheduler") if getattr(settings, name) is not None]
+    if settings.suite == PAPER and own:
+        raise SettingsError(f"--{own[0]} belongs to suites of agents, not to `{PAPER}`")
+
+
+def _chosen(settings: EvaluateSettings) -> Suite:
+    """Return the suite with what the flags change of it."""
+    suite = find_suite(settings.suite)
+    if settings.agents is not None:
+        names = tuple(name.strip() for name in settings.agents.split(",") if name.strip())
+        suite = dataclasses.replace(suite, agents=tuple(map(check_entrant, names)))
+    if settings.demonstrations is None:
+        return suite
+    if suite.taught is None:
+        raise SettingsError(
+            f"--demonstrations belongs to suites that train memories, as `transfer`; `{suite.name}` has no [taught]"
+        )
+    load_demonstrations(settings.demonstrations)  # its mistakes are told now
+    return dataclasses.replace(
+        suite, taught=dataclasses.replace(suite.taught, demonstrations=str(settings.demonstrations))
+    )
+
+
+def _words(settings: EvaluateSettings) -> str:
+    """Return how to type the run again."""
+    words = ["creative-nao", "evaluate", settings.suite, "--seed", str(settings.seed)]
+    for name in ("agents", "demonstrations"):
+        if (value := getattr(settings, name)) is not None:
+            words += [f"--{name}", str(value)]
+    return shlex.join(words)
+
+
+def _executor(settings: EvaluateSettings) -> Executor:
+    if settings.scheduler is not None:
+        from creative_nao.evaluation.cluster import DaskExecutor
+
+        return DaskExecutor(settings.scheduler)
+    return LocalExecutor.on_all_cores() if settings.n_workers is None else LocalExecutor(settings.n_workers)
 
 
 def _paper(settings: EvaluateSettings) -> int:

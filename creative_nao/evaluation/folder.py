@@ -9,6 +9,7 @@ from typing import Any
 
 from creative_nao import atomic
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.evaluation.entrants import in_bundle
 from creative_nao.evaluation.suites import Suite
 from creative_nao.model.shipped import PRETRAINED, shipped_memories
 from creative_nao.provenance import record, sha256
@@ -73,8 +74,14 @@ def write_record(folder: Path, content: dict[str, Any]) -> Path:
 
 
 def memory_hashes(suite: Suite) -> dict[str, str]:
-    """Return the SHA-256 of each memory's file; names that only an environment knows are left out."""
-    found = {}
+    """Return the SHA-256 of each file that a suite brings: memories, bundles and demonstrations.
+
+    Names that only an environment knows are left out, and so are memories that the suite itself trains.
+    """
+    found = {name: sha256(Path(name)) for name in suite.agents if in_bundle(name)}
+    if suite.taught is not None and suite.taught.demonstrations is not None:
+        folder = Path(suite.taught.demonstrations)
+        found |= {str(path): sha256(path) for path in sorted(folder.glob("*.csv"))}
     for name in suite.memories:
         path = PRETRAINED / f"{name.replace('/', '-')}.safetensors" if name in shipped_memories() else Path(name)
         if path.is_file():

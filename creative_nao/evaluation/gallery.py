@@ -19,6 +19,9 @@ from creative_nao.pb_space import PBMap
 
 TYPES = {".png": "image/png", ".svg": "image/svg+xml"}
 
+MAX_SHOWN = 3
+"""Most memories that are drawn one by one; the figures over all memories and the result file hold the others."""
+
 CAPTIONS = {
     "reward": (
         "Reward of each agent",
@@ -67,6 +70,12 @@ class Picture:
         return f"data:{TYPES[self.path.suffix]};base64,{coded}"
 
 
+def shown_memories(suite: Suite) -> tuple[str, ...]:
+    """Return the memories that are drawn one by one: all of a few, else some spread over the suite's list."""
+    n_shown = min(MAX_SHOWN, len(suite.memories))
+    return tuple(suite.memories[place * len(suite.memories) // n_shown] for place in range(n_shown))
+
+
 def draw_pictures(
     folder: Path, suite: Suite, results: dict[str, Any], measured: Measured, charts: dict[str, PBMap]
 ) -> list[Picture]:
@@ -82,7 +91,7 @@ def draw_pictures(
     with matplotlib.rc_context(STYLE):
         return [
             _keep(folder, suite, memory, name, drawn)
-            for memory in suite.memories
+            for memory in shown_memories(suite)
             for name, drawn in _draw(suite, results, measured, memory, charts[memory]).items()
         ]
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from creative_nao import atomic
-from creative_nao.agents.registry import TRAINED, check_name
+from creative_nao.evaluation.entrants import check_entrant, trained_here
 from creative_nao.evaluation.suites import Suite
+
+T = TypeVar("T")
 
 STARTING_S = 4.0
 """Expected seconds until a job's process has loaded physics and network."""
@@ -22,10 +25,12 @@ class Job:
 
     Attributes:
         name: Unique in its run folder; also the name of its files.
-        kind: `train`, `play` or `chart`.
+        kind: `teach`, `train`, `play` or `chart`.
         title: What is shown while it runs.
         spec: Everything that decides the result; plain JSON.
         needs: Names of jobs whose files it reads.
+        reads: Those files, and `writes` the ones it makes beside its result, as paths in the run folder.
+        writes: See `reads`.
         seconds: Expected duration; decides the order and the time left, never a result.
     """
 
@@ -34,6 +39,8 @@ class Job:
     title: str
     spec: dict[str, Any]
     needs: tuple[str, ...] = ()
+    reads: tuple[str, ...] = ()
+    writes: tuple[str, ...] = ()
     seconds: float = STARTING_S
 
     def spec_path(self, folder: Path) -> Path:
@@ -58,7 +65,7 @@ class Job:
 
 
 def plan(suite: Suite, *, base_seed: int) -> tuple[Job, ...]:
-    """Cut `suite` into jobs: one training per seed, judging in groups of seeds, one chart per memory.
+    """Cut `suite` into jobs: memories and agents are trained, memories charted, agents judged in groups.
 
     Args:
         suite: What to evaluate.
@@ -67,21 +74,28 @@ def plan(suite: Suite, *, base_seed: int) -> tuple[Job, ...]:
     Returns:
         The jobs; each stands after those it needs.
     """
-    jobs: list[Job] = []
-    for memory in suite.memories:
+    taught = {name: _teaching(suite, name) for name in suite.memories if suite.taught_seed(name) is not None}
+    jobs: list[Job] = [*taught.values()]
+    for group in _groups(suite.memories, suite.memories_per_job):
+        own = tuple(taught[memory] for memory in group if memory in taught)
         trained = {
-            (agent, seed): _training(suite, agent, memory, seed, base_seed)
+            (agent, memory, seed): _training(suite, agent, memory, seed, base_seed, taught.get(memory))
+            for memory in group
             for agent in suite.agents
-            if check_name(agent) in TRAINED
+            if trained_here(check_entrant(agent))
             for seed in range(suite.n_seeds)
         }
-        jobs += [*trained.values(), _chart(suite, memory)]
+        jobs += [*trained.values(), *(_chart(suite, memory, taught.get(memory)) for memory in group)]
         for agent in suite.agents:
-            for first in range(0, suite.n_seeds, suite.seeds_per_job):
-                seeds = range(first, min(first + suite.seeds_per_job, suite.n_seeds))
-                needed = [trained[agent, seed] for seed in seeds if (agent, seed) in trained]
-                jobs.append(_judging(suite, agent, memory, seeds, needed, base_seed))
+            for seeds in _groups(range(suite.n_seeds), suite.seeds_per_job):
+                keys = [(agent, memory, seed) for memory in group for seed in seeds]
+                needed = [trained[key] for key in keys if key in trained]
+                jobs.append(_judging(suite, agent, group, seeds, needed, own, base_seed))
     return tuple(jobs)
+
+
+def _groups(values: Sequence[T], size: int) -> list[Sequence[T]]:
+    return [values[first : first + size] for first in range(0, len(values), size)]
 
 
 def read_result(job: Job, folder: Path) -> dict[str, Any] | None:
@@ -108,8 +122,12 @@ def write_spec(job: Job, folder: Path) -> Path:
 
 def read_spec(path: Path) -> Job:
     """Return the job that `write_spec` wrote."""
-    values = json.loads(path.read_text(encoding="utf-8"))
-    return Job(**{**values, "needs": tuple(values["needs"])})
+    return job_from_plain(json.loads(path.read_text(encoding="utf-8")))
+
+
+def job_from_plain(values: dict[str, Any]) -> Job:
+    """Return the job that `dataclasses.asdict` told as plain values."""
+    return Job(**{**values, **{name: tuple(values[name]) for name in ("needs", "reads", "writes")}})
 
 
 def slug(name: str) -> str:
@@ -117,7 +135,33 @@ def slug(name: str) -> str:
     return "".join(letter if letter.isalnum() or letter in "-_." else "-" for letter in name)
 
 
-def _training(suite: Suite, agent: str, memory: str, seed: int, base_seed: int) -> Job:
+def _memory(suite: Suite, name: str) -> dict[str, Any]:
+    """Return where a job finds a memory: by its name, or in a file of the run folder."""
+    file = None if suite.taught_seed(name) is None else f"memories/{slug(name)}.safetensors"
+    return {"name": name, "file": file}
+
+
+def _of(teaching: Job | None) -> dict[str, Any]:
+    """Return what a job takes over from the one that trains its memory."""
+    return {} if teaching is None else {"needs": (teaching.name,), "reads": teaching.writes}
+
+
+def _teaching(suite: Suite, memory: str) -> Job:
+    assert suite.taught is not None
+    file = _memory(suite, memory)["file"]
+    settings = {key: value for key, value in dataclasses.asdict(suite.taught).items() if key != "seeds"}
+    return Job(
+        name=f"teach-{slug(memory)}",
+        kind="teach",
+        title=f"train memory {memory}",
+        spec={**settings, "seed": suite.taught_seed(memory), "memory": memory, "file": file},
+        writes=(file,),
+        seconds=STARTING_S + suite.taught.n_epochs / 1500.0,
+    )
+
+
+def _training(suite: Suite, agent: str, memory: str, seed: int, base_seed: int, teaching: Job | None) -> Job:
+    bundle = f"agents/{agent}-{slug(memory)}-{seed}.safetensors"
     return Job(
         name=f"train-{agent}-{slug(memory)}-{seed}",
         kind="train",
@@ -125,51 +169,68 @@ def _training(suite: Suite, agent: str, memory: str, seed: int, base_seed: int) 
         spec={
             "agent": agent,
             "env": suite.training_env,
-            "memory": memory,
+            "memory": _memory(suite, memory),
             "seed": seed,
             "base_seed": base_seed,
             "settings": dataclasses.asdict(suite.ppo),
-            "bundle": f"agents/{agent}-{slug(memory)}-{seed}.safetensors",
+            "bundle": bundle,
         },
+        writes=(bundle,),
         seconds=STARTING_S + suite.ppo.n_generated / 3500.0,
+        **_of(teaching),
     )
 
 
-def _chart(suite: Suite, memory: str) -> Job:
+def _chart(suite: Suite, memory: str, teaching: Job | None) -> Job:
+    chart = f"maps/{slug(memory)}.npz"
     return Job(
         name=f"chart-{slug(memory)}",
         kind="chart",
         title=f"chart {memory} and search it with the oracle",
         spec={
             "env": suite.training_env,
-            "memory": memory,
+            "memory": _memory(suite, memory),
             "resolution": suite.resolution,
             "n_actions": suite.n_actions,
-            "chart": f"maps/{slug(memory)}.npz",
+            "chart": chart,
         },
+        writes=(chart,),
         seconds=STARTING_S + suite.resolution**2 / 5000.0,
+        **_of(teaching),
     )
 
 
-def _judging(suite: Suite, agent: str, memory: str, seeds: range, needed: list[Job], base_seed: int) -> Job:
+def _judging(
+    suite: Suite,
+    agent: str,
+    memories: Sequence[str],
+    seeds: Sequence[int],
+    trainings: Sequence[Job],
+    teachings: Sequence[Job],
+    base_seed: int,
+) -> Job:
     per_action = dict(suite.seconds_per_action)
+    n_episodes = len(seeds) * len(memories)
+    reach = f"{slug(memories[0])}-to-{slug(memories[-1])}" if len(memories) > 1 else slug(memories[0])
+    whom = f"judge {agent}" if len(memories) == 1 else f"judge {agent} on {len(memories)} memories"
+    which = f"seeds {seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else f"seed {seeds[0]}"
     return Job(
-        name=f"play-{agent}-{slug(memory)}-{seeds[0]}-{seeds[-1]}",
+        name=f"play-{slug(agent)}-{reach}-{seeds[0]}-{seeds[-1]}",
         kind="play",
-        title=f"judge {agent}, seeds {seeds[0]} to {seeds[-1]}"
-        if len(seeds) > 1
-        else f"judge {agent}, seed {seeds[0]}",
+        title=f"{whom}, {which}",
         spec={
             "agent": agent,
             "envs": list(suite.envs),
-            "memory": memory,
+            "memories": [_memory(suite, memory) for memory in memories],
             "seeds": list(seeds),
             "base_seed": base_seed,
             "n_actions": suite.n_actions,
-            "bundles": [job.spec["bundle"] for job in needed],
-            # What made the bundles decides the result too.
-            "training": [job.described() for job in needed],
+            # Memory by memory, seed by seed; empty for an agent that is not trained here.
+            "bundles": [job.spec["bundle"] for job in trainings],
+            # What made bundles and memories decides the result too.
+            "made_by": [job.described() for job in (*trainings, *teachings)],
         },
-        needs=tuple(job.name for job in needed),
-        seconds=STARTING_S + len(seeds) * suite.n_actions * sum(per_action.get(env, 0.01) for env in suite.envs),
+        needs=tuple(job.name for job in (*trainings, *teachings)),
+        reads=tuple(file for job in (*trainings, *teachings) for file in job.writes),
+        seconds=STARTING_S + n_episodes * suite.n_actions * sum(per_action.get(env, 0.01) for env in suite.envs),
     )

@@ -29,6 +29,7 @@ class ActionRecord:
     step: int
     """Place in the episode, from 1."""
     pb_1: float
+    """PB vector; where it changes while an action unfolds, the last one."""
     pb_2: float
     outcome: str
     """learned, unlearned, or why it is inappropriate."""
@@ -92,7 +93,8 @@ def play(
         memory: Name of the environment's memory.
         seed: Which repetition this is.
         base_seed: Seed of the whole evaluation.
-        n_actions: The budget; the environment should end the episode there.
+        n_actions: The budget; the environment should end the episode there. Where an action unfolds over several
+            decisions, the agent is asked for each.
 
     Raises:
         SettingsError: If the episode is shorter or longer than the budget, or the spaces are no boxes.
@@ -103,7 +105,8 @@ def play(
     start = time.perf_counter()
     observation, _ = env.reset(seed=env_seed)
     memory_object = getattr(env.unwrapped, "memory", None)
-    agent.begin(Context(env.action_space, env.observation_space, n_actions, rng, memory_object))
+    n_decisions = int(getattr(env.unwrapped, "n_decisions", 1))
+    agent.begin(Context(env.action_space, env.observation_space, n_actions * n_decisions, rng, memory_object))
     records: list[ActionRecord] = []
     info: dict[str, Any] = {}
     ended = False
@@ -111,7 +114,8 @@ def play(
         pb = agent.ask(observation)
         observation, reward, terminated, truncated, info = env.step(pb)
         agent.tell(pb, observation, float(reward), info)
-        records.append(_record(len(records) + 1, pb, float(reward), info))
+        if "outcome" in info:  # else the action is still unfolding
+            records.append(_record(len(records) + 1, pb, float(reward), info))
         ended = terminated or truncated
     if not ended or len(records) < n_actions:
         found = "goes on" if not ended else f"ends after {len(records)}"

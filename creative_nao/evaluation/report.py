@@ -11,7 +11,7 @@ import jinja2
 
 from creative_nao import atomic
 from creative_nao.evaluation.findings import findings, limits, notes
-from creative_nao.evaluation.gallery import draw_pictures
+from creative_nao.evaluation.gallery import draw_pictures, shown_memories
 from creative_nao.evaluation.jobs import slug
 from creative_nao.evaluation.palette import agent_colour
 from creative_nao.evaluation.results import Measured
@@ -32,7 +32,7 @@ def write_report(
         measured: All episodes, trainings and oracles.
         record: The content of `run.json`.
     """
-    charts = {memory: PBMap.load(folder / "maps" / f"{slug(memory)}.npz") for memory in suite.memories}
+    charts = {memory: PBMap.load(folder / "maps" / f"{slug(memory)}.npz") for memory in shown_memories(suite)}
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("creative_nao.evaluation"), autoescape=True, undefined=jinja2.StrictUndefined
     )
@@ -40,7 +40,7 @@ def write_report(
         title=f"Who finds the most new, usable actions with {suite.n_actions} tries?",
         suite=suite,
         record=record,
-        n_basic=len(charts[suite.memories[0]].names),
+        n_basic=len(next(iter(charts.values())).names),
         several_memories=len(suite.memories) > 1,
         columns=MEASURED_COLUMNS,
         rows=[_row(row) for row in results["rows"]],

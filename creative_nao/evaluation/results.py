@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 
 from creative_nao import atomic
-from creative_nao.agents.registry import TRAINED
 from creative_nao.errors import FileFormatError, NotFoundError
+from creative_nao.evaluation.entrants import actions_before, trained_here
 from creative_nao.evaluation.protocol import Episode, episode_from_json
-from creative_nao.evaluation.statistics import estimate
+from creative_nao.evaluation.statistics import estimate, iqm
 from creative_nao.evaluation.suites import Suite
+from creative_nao.evaluation.summary import summarise
 
 MEASURED = ("appropriateness_pct", "novelty", "diversity", "reward", "oracle_share")
 """Fields of a row that are a mean with an interval, or null."""
@@ -26,6 +27,9 @@ MEASURED = ("appropriateness_pct", "novelty", "diversity", "reward", "oracle_sha
 NO_ORACLE = (
     "the oracle is exact only where the generated trajectory itself is scored: in physics it would have to perform "
     "the whole map"
+)
+NO_ORACLE_UNFOLDING = (
+    "the oracle chooses from a map of single PB vectors; an action whose PB changes while it unfolds is on none"
 )
 WHY_NONE = {
     "novelty": "no appropriate action to measure",
@@ -85,10 +89,11 @@ def collect(suite: Suite, results: Iterable[Mapping[str, Any]]) -> Measured:
         elif "oracle_rewards" in result:
             chosen = tuple((first, second) for first, second in result["oracle_pb"])
             earned = tuple(result["oracle_rewards"])
-            oracles[spec["memory"]] = Oracle(spec["memory"], chosen, earned, result["shares_pct"])
-        else:
+            memory = spec["memory"]["name"]
+            oracles[memory] = Oracle(memory, chosen, earned, result["shares_pct"])
+        elif "n_actions" in result:
             curve = tuple(result["n_actions"]), tuple(result["reward"])
-            trainings.append(Training(spec["agent"], spec["memory"], spec["seed"], *curve, result["seconds"]))
+            trainings.append(Training(spec["agent"], spec["memory"]["name"], spec["seed"], *curve, result["seconds"]))
     episodes.sort(
         key=lambda e: (suite.memories.index(e.memory), suite.envs.index(e.env), suite.agents.index(e.agent), e.seed)
     )
@@ -112,7 +117,12 @@ def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[st
                 trainings = [t for t in measured.trainings if (t.memory, t.agent) == (memory, agent)]
                 oracle = measured.oracles.get(memory) if env in suite.oracle_envs else None
                 rows.append(_row(suite, chosen, trainings, oracle, base_seed))
-    return {"suite": suite.name, "rows": rows}
+    return {
+        "suite": suite.name,
+        "rows": rows,
+        "baseline": suite.baseline if suite.baseline in suite.agents else None,
+        "summary": summarise(rows, baseline=suite.baseline, base_seed=base_seed),
+    }
 
 
 def write_results(path: Path, results: dict[str, Any]) -> Path:
@@ -153,7 +163,7 @@ def _row(
     best = math.fsum(oracle.rewards) if oracle is not None else None
     for field in MEASURED:
         if field == "oracle_share" and best is None:
-            row[field], row[f"{field}_reason"] = None, NO_ORACLE
+            row[field], row[f"{field}_reason"] = None, NO_ORACLE_UNFOLDING if "Modulation" in first.env else NO_ORACLE
             continue
         if field == "oracle_share":
             values = [episode.reward / best if best else None for episode in episodes]
@@ -161,9 +171,12 @@ def _row(
             values = [getattr(episode, field) for episode in episodes]
         seed = [base_seed, *(zlib.crc32(part.encode()) for part in (first.agent, first.env, first.memory, field))]
         row |= _field(field, values, np.random.default_rng(seed))
-    trained = suite.ppo.n_generated if first.agent in TRAINED else 0
+    trained = suite.ppo.n_generated if trained_here(first.agent) else actions_before(first.agent)
     return {
         **row,
+        "reward_iqm": float(iqm(np.array([[episode.reward] for episode in episodes]))),
+        "reward_per_seed": {str(episode.seed): episode.reward for episode in episodes},
+        "oracle_reward": best,
         "outcomes": dict(sorted(Counter(action.outcome for e in episodes for action in e.actions).items())),
         "n_actions_training": trained,
         "seconds": math.fsum(episode.seconds for episode in episodes) / len(episodes),

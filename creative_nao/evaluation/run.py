@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from creative_nao import atomic
+from creative_nao.evaluation.executors import Executor, LocalExecutor
 from creative_nao.evaluation.folder import hashes, open_folder, write_record
 from creative_nao.evaluation.jobs import plan
 from creative_nao.evaluation.protocol import write_episodes
 from creative_nao.evaluation.results import Measured, collect, make_results, write_results
-from creative_nao.evaluation.runner import Progress, available_cores, run_jobs
+from creative_nao.evaluation.runner import Progress
 from creative_nao.evaluation.suites import Suite
 from creative_nao.evaluation.tables import markdown_table
 
@@ -35,7 +36,7 @@ def evaluate(
     folder: Path,
     *,
     seed: int = 0,
-    n_workers: int | None = None,
+    executor: Executor | None = None,
     resume: bool = False,
     command: str | None = None,
     on_progress: Callable[[Progress], None] = lambda _: None,
@@ -46,7 +47,7 @@ def evaluate(
         suite: What to evaluate.
         folder: Run folder: new or empty, or with `resume` one to be continued.
         seed: Seed of the whole evaluation: same seed, same results, whatever the number of workers.
-        n_workers: Most processes at a time; the available cores unless given.
+        executor: Where the jobs run; this machine, on all its cores, unless given.
         resume: Continue the folder: finished jobs are not done again.
         command: How to type the run again, for the record and the report.
         on_progress: Called several times a second while jobs run.
@@ -59,9 +60,9 @@ def evaluate(
     """
     jobs = plan(suite, base_seed=seed)
     record = open_folder(folder, suite, base_seed=seed, resume=resume, command=command)
-    cores = available_cores() if n_workers is None else n_workers
+    executor = LocalExecutor.on_all_cores() if executor is None else executor
     start = time.monotonic()
-    done = run_jobs(jobs, folder, n_workers=cores, on_progress=on_progress)
+    done = executor.run(jobs, folder, on_progress)
     measured = collect(suite, [{"spec": job.spec, "result": done[job.name]} for job in jobs])
     results = make_results(suite, measured, base_seed=seed)
     write_results(folder / "results.json", results)
@@ -70,7 +71,7 @@ def evaluate(
     record = {
         **record,
         "seeds": list(range(suite.n_seeds)),
-        "n_workers": cores,
+        "n_workers": executor.n_workers,
         "seconds": round(time.monotonic() - start + record.get("seconds", 0.0), 1),
     }
     # Drawing is loaded here: the jobs' processes import this package too and draw nothing.

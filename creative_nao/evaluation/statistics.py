@@ -24,6 +24,9 @@ N_RESAMPLES = 10_000
 LEVEL = 0.95
 """Share of cases in which an interval should hold the truth."""
 
+N_RESAMPLES_OVER_TASKS = 2_000
+"""Bootstrap samples of what costs more than a mean: comparisons by pairs, profiles, tasks drawn anew."""
+
 Statistic = Callable[[np.ndarray], np.ndarray]
 """Takes an array (..., runs, tasks), gives an array (...)."""
 
@@ -89,8 +92,117 @@ def estimate(
     value = float(statistic(values))
     if n_runs == 1:
         return Estimate(value, None, None, 1)
+    return _interval(value, statistic(resample(values, n_resamples, rng)), n_runs, level)
+
+
+def compare(
+    ours: np.ndarray,
+    theirs: np.ndarray,
+    *,
+    rng: np.random.Generator,
+    n_resamples: int = N_RESAMPLES_OVER_TASKS,
+    level: float = LEVEL,
+) -> Estimate:
+    """Return the probability of improvement of one agent over another, with its stratified bootstrap interval.
+
+    Args:
+        ours: Shape (runs, tasks), finite.
+        theirs: Shape (other runs, tasks), finite.
+        rng: Draws the bootstrap samples of both, independently.
+        n_resamples: Bootstrap samples.
+        level: Share of cases in which the interval should hold the truth.
+
+    Raises:
+        ShapeError: If the tasks differ in number.
+    """
+    if ours.ndim != 2 or theirs.ndim != 2 or ours.shape[1] != theirs.shape[1]:
+        raise ShapeError(
+            f"`ours` and `theirs` should have shape (runs, tasks) with equal tasks, but have {ours.shape} and "
+            f"{theirs.shape}"
+        )
+    value = float(probability_of_improvement(ours, theirs))
+    n_runs = min(len(ours), len(theirs))
+    if n_runs == 1:
+        return Estimate(value, None, None, 1)
+    samples = probability_of_improvement(resample(ours, n_resamples, rng), resample(theirs, n_resamples, rng))
+    return _interval(value, samples, n_runs, level)
+
+
+def probability_of_improvement(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
+    """Return how probable it is that a run of ours beats a run of theirs on the same task, averaged over tasks.
+
+    An equal pair counts half: per task this is Mann and Whitney's U divided by the number of pairs.
+
+    Args:
+        ours: Shape (..., runs, tasks).
+        theirs: Shape (..., other runs, tasks).
+
+    Returns:
+        Shape (...), between 0 and 1.
+
+    Example:
+        >>> float(probability_of_improvement(np.array([[1.0], [3.0]]), np.array([[1.0], [2.0]])))
+        0.625
+    """
+    ours, theirs = ours[..., :, None, :], theirs[..., None, :, :]
+    return ((ours > theirs) + 0.5 * (ours == theirs)).mean(axis=(-3, -2, -1))
+
+
+def estimate_over_tasks(
+    values: np.ndarray,
+    *,
+    rng: np.random.Generator,
+    n_resamples: int = N_RESAMPLES_OVER_TASKS,
+    level: float = LEVEL,
+) -> Estimate:
+    """Return a mean with an interval that speaks of other tasks too: tasks are drawn anew, then runs within each.
+
+    The stratified interval keeps the tasks; where an answer is meant for tasks of the same kind that nobody has tried,
+    their choice is chance as well. `n_runs` of the result counts the tasks.
+
+    Args:
+        values: Shape (runs, tasks), finite.
+        rng: Draws the bootstrap samples.
+        n_resamples: Bootstrap samples.
+        level: Share of cases in which the interval should hold the truth.
+    """
+    value, (n_runs, n_tasks) = float(mean(values)), values.shape
+    if n_tasks == 1:
+        return Estimate(value, None, None, 1)
+    tasks = rng.integers(n_tasks, size=(n_resamples, 1, n_tasks))
+    runs = rng.integers(n_runs, size=(n_resamples, n_runs, n_tasks))
+    return _interval(value, mean(values[runs, tasks]), n_tasks, level)
+
+
+def performance_profile(values: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
+    """Return the share of runs, over all tasks, that lie above each threshold.
+
+    Args:
+        values: Shape (..., runs, tasks).
+        thresholds: Shape (n,).
+
+    Returns:
+        Shape (..., n), falling from 1 to 0.
+
+    Example:
+        >>> performance_profile(np.array([[0.2, 0.6], [0.4, 0.8]]), np.array([0.0, 0.5, 1.0])).tolist()
+        [1.0, 0.5, 0.0]
+    """
+    return (values[..., None] > np.asarray(thresholds)).mean(axis=(-3, -2))
+
+
+def profile_band(
+    values: np.ndarray, thresholds: np.ndarray, *, rng: np.random.Generator, n_resamples: int = N_RESAMPLES_OVER_TASKS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pointwise 95 % stratified bootstrap band of a performance profile, two arrays of shape (n,)."""
+    samples = performance_profile(resample(values, n_resamples, rng), thresholds)
+    tail = expanded_tail(len(values)) if len(values) > 1 else 0.0
+    low, high = np.quantile(samples, [tail, 1.0 - tail], axis=0)
+    return low, high
+
+
+def _interval(value: float, samples: np.ndarray, n_runs: int, level: float) -> Estimate:
     tail = expanded_tail(n_runs, level)
-    samples = statistic(resample(values, n_resamples, rng))
     low, high = np.quantile(samples, [tail, 1.0 - tail])
     # Of equal runs the mean is rounded differently from sample to sample; an interval holds its own figure.
     return Estimate(value, min(float(low), value), max(float(high), value), n_runs)

@@ -9,6 +9,8 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from creative_nao.evaluation.markdown import interval
+
 
 @dataclass(frozen=True)
 class Column:
@@ -59,7 +61,11 @@ MEASURED_COLUMNS = (
 
 NONE = "\N{EN DASH}"
 
-SHORT_ENV = {"CreativeNao/Boxing-v0": "physical", "CreativeNao/BoxingMental-v0": "mental"}
+SHORT_ENV = {
+    "CreativeNao/Boxing-v0": "physical",
+    "CreativeNao/BoxingMental-v0": "mental",
+    "CreativeNao/BoxingModulation-v0": "modulation",
+}
 
 
 def env_label(env: str) -> str:
@@ -97,8 +103,10 @@ def cells(row: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def terminal_table(results: Mapping[str, Any]) -> Table:
-    """Return the table for a terminal."""
+    """Return the table for a terminal: row by row for one memory, over all of them for several."""
     rows = results["rows"]
+    if len({row["memory"] for row in rows}) > 1:
+        return summary_table(results)
     table = Table(
         title=f"Suite {results['suite']}: {_subject(results)}",
         caption="Mean over seeds with its 95 % interval below; an action is one generated trajectory.",
@@ -116,13 +124,64 @@ def terminal_table(results: Mapping[str, Any]) -> Table:
     return table
 
 
+def summary_table(results: Mapping[str, Any]) -> Table:
+    """Return the table over all memories for a terminal."""
+    entries, rows = results["summary"], results["rows"]
+    memories = len({row["memory"] for row in rows})
+    table = Table(
+        title=f"Suite {results['suite']}: {memories} memories, {rows[0]['n_seeds']} seeds, "
+        f"{rows[0]['n_actions']} actions each",
+        caption="Over memories and seeds, 95 % stratified bootstrap intervals below; IQM: mean of the middle half. "
+        "What each memory gave stands in results.json.",
+    )
+    table.add_column("agent", style="bold")
+    table.add_column("environment")
+    for title in SUMMARY_TITLES:
+        table.add_column(escape(title), justify="right")
+    for place, entry in enumerate(entries):
+        last = place + 1 == len(entries) or entries[place + 1]["env"] != entry["env"]
+        texts = [text.replace(" [", "\n[", 1) for text in summary_cells(entry)]
+        table.add_row(entry["agent"], env_label(entry["env"]), *map(escape, texts), end_section=last)
+    return table
+
+
+SUMMARY_TITLES = (
+    "reward\n(mean)",
+    "reward\n(IQM)",
+    "of oracle\n[%]",
+    "over\nbaseline",
+    "beats\nbaseline [%]",
+    "ahead on",
+    "actions in\ntraining",
+)
+
+
+def summary_cells(entry: Mapping[str, Any]) -> list[str]:
+    """Return the cells of an entry of the summary after agent and environment."""
+    versus = entry["versus"]
+    return [
+        interval(entry["reward"], 2),
+        interval(entry["reward_iqm"], 2),
+        interval(entry["oracle_share"], 1, scale=100.0),
+        interval(versus and versus["difference"], 2, sign="+"),
+        interval(versus and versus["probability_of_improvement"], 0, scale=100.0),
+        f"{versus['n_memories_ahead']} of {entry['n_memories']}" if versus else NONE,
+        f"{entry['n_actions_training']:,}",
+    ]
+
+
 def markdown_table(results: Mapping[str, Any]) -> str:
     """Return the table as Markdown."""
     titles = ["agent", "environment", *(column.title for column in MEASURED_COLUMNS), "actions generated", "seconds"]
-    lines = ["| " + " | ".join(titles) + " |", "| --- | --- |" + " ---: |" * (len(titles) - 2)]
+    several = len({row["memory"] for row in results["rows"]}) > 1
+    if several:
+        titles.insert(2, "memory")
+    n_words = 3 if several else 2
+    lines = ["| " + " | ".join(titles) + " |", "|" + " --- |" * n_words + " ---: |" * (len(titles) - n_words)]
     for row in results["rows"]:
         texts = [" ".join(filter(None, cell)) for cell in cells(row)]
-        lines.append("| " + " | ".join([row["agent"], env_label(row["env"]), *texts]) + " |")
+        where = [row["memory"]] if several else []
+        lines.append("| " + " | ".join([row["agent"], env_label(row["env"]), *where, *texts]) + " |")
     return "\n".join(lines) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""What a job's process does: train an agent, judge one, or chart a memory."""
+"""What a job's process does: train a memory or an agent, judge an agent, or chart a memory."""
 
 from __future__ import annotations
 
@@ -13,12 +13,45 @@ from gymnasium.spaces import Box
 
 from creative_nao.agents.bundle import BundleHeader, save_bundle
 from creative_nao.agents.ppo import settings_from, train_ppo
-from creative_nao.agents.registry import make_agent
+from creative_nao.demonstrations import Demonstrations, load_demonstrations
+from creative_nao.envs import ENVIRONMENTS
+from creative_nao.evaluation.entrants import make_entrant
 from creative_nao.evaluation.oracle import chart_memory
 from creative_nao.evaluation.protocol import episode_to_json, play
+from creative_nao.model import TrainingSettings, train_network
 
 Report = Callable[[float], None]
 """Takes the share of the work that is done."""
+
+
+def teach(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
+    """Train a memory on other demonstrations and write it; return how well it learned."""
+    start = time.perf_counter()
+    training = TrainingSettings(
+        closed_loop_ratio=spec["closed_loop_ratio"], n_epochs=spec["n_epochs"], seed=spec["seed"]
+    )
+    memory = train_network(
+        _demonstrations(spec),
+        training,
+        progress=lambda _, state: report(state.epoch / training.n_epochs),
+        command=f"creative-nao evaluate (memory {spec['memory']})",
+    )
+    memory.save(folder / spec["file"])
+    return {"memory": spec["memory"], "loss": min(memory.loss_history), "seconds": time.perf_counter() - start}
+
+
+def _demonstrations(spec: dict[str, Any]) -> Demonstrations:
+    """Load the user's recordings, or teach the six actions again by a hand with another seed."""
+    if spec["demonstrations"] is not None:
+        return load_demonstrations(spec["demonstrations"])
+    from creative_nao.demonstrations import teaching  # loads MuJoCo
+
+    return teaching.as_demonstrations(teaching.teach(np.random.default_rng(spec["teaching_seed"])))
+
+
+def _found(memory: dict[str, Any], folder: Path) -> str:
+    """Return what an environment takes for a memory of a spec."""
+    return memory["name"] if memory["file"] is None else str(folder / memory["file"])
 
 
 def train(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
@@ -30,7 +63,7 @@ def train(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
         spec["env"],
         settings=settings,
         seed=seed,
-        env_kwargs={"memory": spec["memory"]},
+        env_kwargs={"memory": _found(spec["memory"], folder)},
         progress=lambda done, planned: report(done / planned),
     )
     assert isinstance(policy.observation_space, Box)
@@ -39,7 +72,7 @@ def train(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
         agent=spec["agent"],
         settings=settings,
         env=spec["env"],
-        memory=spec["memory"],
+        memory=spec["memory"]["name"],
         seed=seed,
         n_actions_training=settings.n_generated,
         observation_space=policy.observation_space,
@@ -55,34 +88,36 @@ def train(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
 
 
 def judge(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
-    """Let an agent play one episode per seed and environment; return the episodes."""
+    """Let an agent play one episode per environment, memory and seed; return the episodes."""
     episodes = []
-    total = len(spec["envs"]) * len(spec["seeds"])
+    total = len(spec["envs"]) * len(spec["memories"]) * len(spec["seeds"])
     for env_id in spec["envs"]:
-        env = gym.make(env_id, memory=spec["memory"])
-        try:
-            for place, seed in enumerate(spec["seeds"]):
-                agent = make_agent(spec["agent"], folder / spec["bundles"][place] if spec["bundles"] else None)
-                episode = play(
-                    agent,
-                    env,
-                    env_id=env_id,
-                    memory=spec["memory"],
-                    seed=seed,
-                    base_seed=spec["base_seed"],
-                    n_actions=spec["n_actions"],
-                )
-                episodes.append(episode_to_json(episode))
-                report(len(episodes) / total)
-        finally:
-            env.close()
+        for first, memory in enumerate(spec["memories"]):
+            budget = {"n_actions": spec["n_actions"]} if env_id in ENVIRONMENTS else {}
+            env = gym.make(env_id, memory=_found(memory, folder), **budget)
+            try:
+                for place, seed in enumerate(spec["seeds"], first * len(spec["seeds"])):
+                    agent = make_entrant(spec["agent"], folder / spec["bundles"][place] if spec["bundles"] else None)
+                    episode = play(
+                        agent,
+                        env,
+                        env_id=env_id,
+                        memory=memory["name"],
+                        seed=seed,
+                        base_seed=spec["base_seed"],
+                        n_actions=spec["n_actions"],
+                    )
+                    episodes.append(episode_to_json(episode))
+                    report(len(episodes) / total)
+            finally:
+                env.close()
     return {"episodes": episodes}
 
 
 def chart(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
     """Score the whole map of a memory, write it, and return what the greedy oracle earns on it."""
     start = time.perf_counter()
-    env = gym.make(spec["env"], memory=spec["memory"])
+    env = gym.make(spec["env"], memory=_found(spec["memory"], folder))
     try:
         memory = env.unwrapped.memory  # pyright: ignore[reportAttributeAccessIssue]
         charted, oracle = chart_memory(memory, spec["resolution"], spec["n_actions"], report)
@@ -93,6 +128,7 @@ def chart(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
 
 
 WORK: dict[str, Callable[[dict[str, Any], Path, Report], dict[str, Any]]] = {
+    "teach": teach,
     "train": train,
     "play": judge,
     "chart": chart,

@@ -1,6 +1,8 @@
 """The command: refusals in one line, Ctrl-C with a way to go on, figures on stdout alone."""
 
+import dataclasses
 import json
+from pathlib import Path
 
 import pytest
 
@@ -8,6 +10,7 @@ from creative_nao.cli import evaluate as command
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.evaluation.run import Evaluation
 from creative_nao.evaluation.runner import Progress
+from creative_nao.evaluation.verification import Check, Verification
 
 ROW = {
     "agent": "random",
@@ -33,7 +36,7 @@ def evaluated(monkeypatch):
     asked = {}
 
     def evaluate(suite, folder, **options):
-        asked.update(suite=suite.name, folder=folder, **options)
+        asked.update(suite=suite.name, agents=suite.agents, folder=folder, **options)
         for done in (0, 1):
             options["on_progress"](Progress(done, 2, done / 2, ("judge random, seed 0",), 75.0))
         return Evaluation(folder, {"suite": suite.name, "rows": [ROW]}, None, {})
@@ -89,7 +92,7 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(command, "evaluate", interrupted)
     assert command.run(command.EvaluateSettings(out=tmp_path, seed=5)) == 130
     said = capsys.readouterr().err
-    assert f"continue with: creative-nao evaluate quick --out {tmp_path} --seed 5 --resume" in said
+    assert f"continue with: creative-nao evaluate quick --seed 5 --out {tmp_path} --resume" in said
 
 
 @pytest.mark.parametrize(
@@ -99,6 +102,22 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, tmp_path, capsys):
         ({"resume": True}, SettingsError, "--resume continues a run folder: name it with --out"),
         ({"n_workers": 0}, SettingsError, "`--n-workers` should be at least 1, but is 0"),
         ({"seed": -1}, SettingsError, "`--seed` should be at least 0, but is -1"),
+        ({"agents": "randon"}, NotFoundError, r"no agent `randon` \(did you mean `random`\?\)"),
+        ({"agents": "random,random"}, SettingsError, "`agents` should name each once, but has `random` twice"),
+        ({"agents": " , "}, SettingsError, "`agents` should name at least one, but is empty"),
+        ({"suite": "verify"}, SettingsError, "verify: name one result file"),
+        ({"suite": "leaderboard"}, SettingsError, "leaderboard: name the run folders"),
+        ({"suite": "paper", "agents": "random"}, SettingsError, "--agents belongs to suites of agents, not to `paper`"),
+        ({"retrain": True}, SettingsError, "--retrain belongs to `creative-nao evaluate paper`"),
+        ({"files": (Path("x"),)}, SettingsError, "files belong to leaderboard and verify, not to `quick`"),
+        ({"demonstrations": Path("x")}, SettingsError, r"`quick` has no \[taught\]"),
+        (
+            {"suite": "transfer", "demonstrations": Path("nowhere")},
+            NotFoundError,
+            "no folder of basic actions at nowhere",
+        ),
+        ({"scheduler": "tcp://x:1", "n_workers": 2}, SettingsError, "`--n-workers` counts processes of this machine"),
+        ({"docs": Path("nowhere")}, SettingsError, "--docs should name the folder of the documentation"),
     ],
 )
 def test_mistakes_are_told_before_anything_starts(settings, error, text):
@@ -120,3 +139,31 @@ def test_the_flags_are_made_from_the_settings():
     )
     assert (found.suite, found.seed, found.n_workers, found.resume, str(found.out)) == ("quick", 3, 2, True, "x")
     assert tyro.cli(command.EvaluateSettings, args=[]).suite == "quick"
+
+
+def test_only_the_agents_asked_for_take_part_and_the_record_says_so(evaluated, tmp_path):
+    command.run(command.EvaluateSettings(out=tmp_path, agents="supervised, random"))
+    assert evaluated["agents"] == ("supervised", "random")
+    assert evaluated["command"] == "creative-nao evaluate quick --seed 0 --agents 'supervised, random'"
+
+
+def test_a_suite_of_one_s_own_is_a_file(evaluated, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('agents = ["random"]\nenvs = ["CreativeNao/BoxingMental-v0"]\nmemories = ["half/0"]\n')
+    assert command.run(command.EvaluateSettings(suite=str(path), out=tmp_path / "run")) == 0
+    assert evaluated["suite"] == "mine"
+
+
+def verification(holds):
+    check = Check("random", "CreativeNao/BoxingMental-v0", "half/0", 3, 7.25, 7.25 if holds else 7.5, holds)
+    return Verification((check,), (), () if holds else ("random in x: the mean reward is not that of its episodes",))
+
+
+@pytest.mark.parametrize(("holds", "code", "said"), [(True, 0, "holds to the bit"), (False, 1, "does NOT hold: 2 of")])
+def test_verify_says_whether_a_file_holds_by_its_exit_code_too(monkeypatch, capsys, holds, code, said):
+    monkeypatch.setattr("creative_nao.cli.evaluate_files.verify", lambda *_, **__: verification(holds))
+    settings = command.EvaluateSettings(suite="verify", files=(Path("results.json"),))
+    assert command.run(settings) == code
+    assert said in capsys.readouterr().out
+    assert command.run(dataclasses.replace(settings, json=True)) == code
+    assert json.loads(capsys.readouterr().out)["holds"] is holds

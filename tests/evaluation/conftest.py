@@ -8,6 +8,8 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
 from creative_nao.agents import PPOSettings  # noqa: E402 - after the path
+from creative_nao.evaluation.executors import LocalExecutor  # noqa: E402
+from creative_nao.evaluation.run import evaluate  # noqa: E402
 from creative_nao.evaluation.suites import Suite  # noqa: E402
 
 BOXING = "fake_boxing:Fake/Boxing-v0"
@@ -42,3 +44,10 @@ def make_suite(in_workers):
         return Suite(**{**values, **changes})
 
     return make
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory, make_suite):
+    """A finished run with two workers, made once."""
+    folder = tmp_path_factory.mktemp("run") / "new"
+    return evaluate(make_suite(), folder, seed=3, executor=LocalExecutor(2), command="creative-nao evaluate fake")

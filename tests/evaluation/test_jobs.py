@@ -12,19 +12,21 @@ import pytest
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import Job, plan, read_result, read_spec, write_result, write_spec
 from creative_nao.evaluation.runner import JobError, run_jobs
-from creative_nao.evaluation.suites import SUITES, find_suite
+from creative_nao.evaluation.suites import find_suite, shipped_suites
+
+SUITES = shipped_suites()
 
 
 def play_job(seeds=(0,), agent="random", **changes):
     spec = {
         "agent": agent,
         "envs": ["fake_boxing:Fake/BoxingMental-v0"],
-        "memory": "fake/0",
+        "memories": [{"name": "fake/0", "file": None}],
         "seeds": list(seeds),
         "base_seed": 0,
         "n_actions": 30,
         "bundles": [],
-        "training": [],
+        "made_by": [],
     }
     name = f"play-{agent}-" + "-".join(map(str, seeds))
     return Job(name=name, kind="play", title="judge", spec={**spec, **changes})
@@ -53,7 +55,11 @@ def test_every_suite_s_jobs_stand_after_those_they_need(suite):
 def test_every_agent_is_judged_once_per_seed_and_environment(suite):
     jobs = [job for job in plan(suite, base_seed=0) if job.kind == "play"]
     judged = [
-        (j.spec["agent"], j.spec["memory"], env, s) for j in jobs for env in j.spec["envs"] for s in j.spec["seeds"]
+        (job.spec["agent"], memory["name"], env, seed)
+        for job in jobs
+        for memory in job.spec["memories"]
+        for env in job.spec["envs"]
+        for seed in job.spec["seeds"]
     ]
     assert len(judged) == len(set(judged))
     assert len(judged) == len(suite.agents) * len(suite.memories) * len(suite.envs) * suite.n_seeds

@@ -8,19 +8,13 @@ import shutil
 import pytest
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.evaluation.executors import LocalExecutor
 from creative_nao.evaluation.folder import open_folder
 from creative_nao.evaluation.jobs import plan
 from creative_nao.evaluation.results import MEASURED, collect, read_results
 from creative_nao.evaluation.run import evaluate
 from creative_nao.evaluation.runner import run_jobs
 from creative_nao.evaluation.tables import MEASURED_COLUMNS, figure, markdown_table
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory, make_suite):
-    """A finished run with two workers, made once."""
-    folder = tmp_path_factory.mktemp("run") / "new"
-    return evaluate(make_suite(), folder, seed=3, n_workers=2, command="creative-nao evaluate fake")
 
 
 def timeless(results):
@@ -117,7 +111,7 @@ def test_another_seed_is_another_run(finished, make_suite, tmp_path):
 def test_a_continued_run_repeats_no_job(finished, make_suite):
     logs = sorted((finished.folder / "jobs").glob("*.log"))
     before = [path.stat().st_mtime_ns for path in logs]
-    again = evaluate(make_suite(), finished.folder, seed=3, n_workers=1, resume=True)
+    again = evaluate(make_suite(), finished.folder, seed=3, executor=LocalExecutor(1), resume=True)
     assert again.results == finished.results
     assert [path.stat().st_mtime_ns for path in logs] == before
 
@@ -128,7 +122,7 @@ def test_a_run_that_lost_jobs_is_completed_to_the_same_end(finished, make_suite,
     (folder / "jobs" / "play-ppo-fake-0-0-1.result.json").unlink()
     (folder / "jobs" / "play-random-fake-0-0-1.result.json").write_text('{"job"')
     (folder / "episodes.csv").unlink()
-    again = evaluate(make_suite(), folder, seed=3, n_workers=2, resume=True)
+    again = evaluate(make_suite(), folder, seed=3, executor=LocalExecutor(2), resume=True)
     assert timeless(again.results) == timeless(finished.results)
     assert (folder / "episodes.csv").read_bytes() == (finished.folder / "episodes.csv").read_bytes()
 

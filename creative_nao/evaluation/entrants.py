@@ -1,0 +1,57 @@
+"""Who may take part: an agent by name, one that is trained on the spot, or a bundle trained before."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from creative_nao.agents.adapters import PolicyAgent
+from creative_nao.agents.base import Agent
+from creative_nao.agents.bundle import load_bundle
+from creative_nao.agents.registry import NAMES, TRAINED, make_agent
+from creative_nao.errors import NotFoundError, nearest_name
+
+
+def trained_here(name: str) -> bool:
+    """Return whether an entrant is trained by the suite itself, on the memory on which it is judged."""
+    return name in TRAINED
+
+
+def in_bundle(name: str) -> bool:
+    """Return whether an entrant comes out of a bundle that was trained before."""
+    return name not in NAMES and Path(name).is_file()
+
+
+def check_entrant(name: str) -> str:
+    """Return `name` if it can take part.
+
+    Raises:
+        NotFoundError: If it is neither an agent nor a bundle; the message offers the nearest name.
+    """
+    if name in NAMES or in_bundle(name):
+        return name
+    raise NotFoundError(
+        f"no agent `{name}`{nearest_name(name, NAMES)}; there are: {', '.join(NAMES)}, and bundle files"
+    )
+
+
+def make_entrant(name: str, bundle: Path | None = None) -> Agent:
+    """Make the agent that takes part under this name.
+
+    Args:
+        name: Agent or bundle.
+        bundle: Bundle of an agent that was trained on the spot.
+
+    Raises:
+        NotFoundError: If there is no such agent or bundle.
+        FileFormatError: If a bundle is damaged.
+    """
+    check_entrant(name)
+    if not in_bundle(name):
+        return make_agent(name, bundle)
+    trained = load_bundle(name)
+    return PolicyAgent(trained, deterministic=trained.header.settings.deterministic, name=name)
+
+
+def actions_before(name: str) -> int:
+    """Return how many actions an entrant out of a bundle generated in training; 0 for any other."""
+    return load_bundle(name).header.n_actions_training if in_bundle(name) else 0

@@ -1,0 +1,112 @@
+"""Suites are files: the shipped ones are whole, a user's mistakes are named with the nearest right word."""
+
+import dataclasses
+import json
+
+import pytest
+
+from creative_nao.agents.ppo import PPOSettings
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.evaluation.jobs import plan
+from creative_nao.evaluation.suites import SUITE_NAMES, find_suite, shipped_suites, suite_from_values
+from creative_nao.model import split_memories
+
+GOOD = 'agents = ["random"]\nenvs = ["CreativeNao/BoxingMental-v0"]\nmemories = ["half/0"]\n'
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / "mine.toml"
+        path.write_text(text)
+        return str(path)
+
+    return write
+
+
+def test_quick_is_what_it_always_was():
+    quick = find_suite("quick")
+    assert quick.agents == ("supervised", "random", "ppo")
+    assert quick.envs == ("CreativeNao/Boxing-v0", "CreativeNao/BoxingMental-v0")
+    assert (quick.memories, quick.n_seeds, quick.n_actions) == (("half/0",), 8, 30)
+    assert quick.training_env == "CreativeNao/BoxingMental-v0"
+    assert quick.oracle_envs == ("CreativeNao/BoxingMental-v0",)
+    assert (quick.ppo, quick.resolution, quick.seeds_per_job) == (PPOSettings(), 200, 4)
+
+
+def test_the_suites_of_the_benchmark_ship():
+    assert SUITE_NAMES[0] == "quick"
+    assert set(SUITE_NAMES) >= {"quick", "search", "physical", "modulation", "transfer"}
+    assert all(suite.name == name and suite.about for name, suite in shipped_suites().items())
+
+
+def test_search_judges_on_memories_that_no_training_sees():
+    search = find_suite("search")
+    assert search.memories == split_memories("test")
+    assert not set(search.memories) & {*split_memories("train"), *split_memories("validation")}
+    assert search.n_seeds >= 10
+
+
+def test_a_user_s_file_is_a_suite_named_after_it(write):
+    mine = find_suite(write(GOOD))
+    assert (mine.name, mine.agents, mine.n_seeds, mine.n_actions) == ("mine", ("random",), 10, 30)
+    assert mine.oracle_envs == ("CreativeNao/BoxingMental-v0",)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "said"),
+    [
+        (GOOD + "n_seed = 3", SettingsError, r"mine.toml: no key `n_seed` \(did you mean `n_seeds`\?\); there are: "),
+        (GOOD + 'n_seeds = "3"', SettingsError, r"`n_seeds` should be a whole number, but is '3'"),
+        (GOOD + "n_seeds = true", SettingsError, r"`n_seeds` should be a whole number, but is True"),
+        (GOOD + "n_seeds = 0", SettingsError, r"`n_seeds` should be at least 1, but is 0"),
+        (GOOD.replace('["random"]', '"random"'), SettingsError, r"`agents` should be a list, but is 'random'"),
+        (GOOD.replace('["random"]', "[3]"), SettingsError, r"`agents`, entry 1 should be text in quotes, but is 3"),
+        (GOOD.replace('["random"]', "[]"), SettingsError, r"`agents` should name at least one, but is empty"),
+        (GOOD.replace("random", "random\", \"random"), SettingsError, r"should name each once, but has `random` twice"),
+        (GOOD.replace("random", "randon"), NotFoundError, r"no agent `randon` \(did you mean `random`\?\)"),
+        (GOOD.replace("Mental", "Metal"), NotFoundError, r"no environment .* \(did you mean `CreativeNao/BoxingM"),
+        (GOOD.replace("half/0", "hlaf/0"), NotFoundError, r"no memory `hlaf/0` \(did you mean `half/0`\?\)"),
+        (GOOD + "[ppo]\nlearning_rat = 1", SettingsError, r"`learning_rat` is no setting of PPO"),
+        (GOOD + "[taught]\nepochs = 1", SettingsError, r"\[taught\]: no key `epochs` \(did you mean `n_epochs`"),
+        (GOOD + "[taught]\nseeds = []", SettingsError, r"`taught.seeds` should list at least one seed"),
+        (GOOD + "[taught]\nn_epochs = 5", SettingsError, r"\[taught\]: `seeds` is missing"),
+        (GOOD.replace("agents", "agent"), SettingsError, r"no key `agent` \(did you mean `agents`\?\)"),
+        ("agents = [", FileFormatError, r"mine.toml: not TOML"),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_a_file_is_named(write, text, error, said):
+    with pytest.raises(error, match=said):
+        find_suite(write(text))
+
+
+def test_a_file_that_is_not_there_is_said():
+    with pytest.raises(NotFoundError, match=r"no suite at nowhere.toml"):
+        find_suite("nowhere.toml")
+
+
+@pytest.mark.parametrize("name", SUITE_NAMES)
+def test_a_suite_comes_back_from_its_record(name):
+    suite = find_suite(name)
+    recorded = json.loads(json.dumps(dataclasses.asdict(suite)))
+    assert suite_from_values(recorded, where="record") == suite
+
+
+def test_memories_of_other_demonstrations_are_trained_before_they_are_searched():
+    jobs = plan(find_suite("transfer"), base_seed=0)
+    teachings = {job.name: job for job in jobs if job.kind == "teach"}
+    assert [job.spec["memory"] for job in teachings.values()] == ["taught/0", "taught/1", "taught/2"]
+    for job in jobs:
+        if job.kind != "teach":
+            needed = [teachings[name] for name in job.needs]
+            assert needed
+            assert set(job.reads) == {file for teaching in needed for file in teaching.writes}
+
+
+def test_other_demonstrations_make_another_job(tmp_path):
+    transfer = find_suite("transfer")
+    taught = dataclasses.replace(transfer.taught, demonstrations=str(tmp_path))
+    ours, theirs = (plan(s, base_seed=0) for s in (transfer, dataclasses.replace(transfer, taught=taught)))
+    assert all(
+        one.described() != other.described() for one, other in zip(ours, theirs, strict=True) if one.kind != "chart"
+    )
