@@ -32,7 +32,7 @@ class SoftmaxEncoding:
         >>> encoding.encode(np.array([0.0])).round(3)
         array([0.107, 0.787, 0.107])
         >>> encoding.decode(encoding.encode(np.array([0.25]))).round(3)
-        array([0.239])
+        array([0.224])
     """
 
     def __init__(
