@@ -35,7 +35,7 @@ def save_tensors(
 
     # One entry only: the format keeps several in no fixed order, and equal content should give equal bytes.
     metadata = {"creative_nao": json.dumps({"kind": kind, **header}, allow_nan=False)}
-    return write_bytes(path, save({name: np.ascontiguousarray(a) for name, a in tensors.items()}, metadata))
+    return write_bytes(path, save({name: np.asarray(a, order="C") for name, a in tensors.items()}, metadata))
 
 
 def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

@@ -1,7 +1,8 @@
 """Agents that search the robot's memory for new actions, behind one ask-and-tell interface and one budget.
 
 Interface: `Agent`, `Context`, `AgentOrderError`. Agents: `SupervisedAgent` (the paper's baseline), `RandomAgent`, PPO
-(`PPOSettings`, `train_ppo`). By name: `NAMES`, `make_agent`. Files: `save_bundle`, `load_bundle`, `load_agent`.
+(`PPOSettings`, `train_ppo`). By name: `NAMES`, `make_agent`. Files: `save_bundle`, `load_bundle`, `load_agent`,
+`shipped_agents`. Training of PPO, SAC, TD3, RecurrentPPO, TQC and CrossQ: `agents.training`, `agents.hyperparameters`.
 Other programs' policies: `PolicyAgent`; our agents as a policy: `AgentPolicy`. torch is loaded when a policy is needed.
 """
 
@@ -11,6 +12,7 @@ from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, load_bundle,
 from creative_nao.agents.ppo import PPOSettings, TrainingCurve, train_ppo
 from creative_nao.agents.random_search import RandomAgent
 from creative_nao.agents.registry import NAMES, TRAINED, UNTRAINED, make_agent
+from creative_nao.agents.shipped import shipped_agents
 from creative_nao.agents.supervised import SupervisedAgent
 
 load_agent = load_bundle
@@ -33,6 +35,7 @@ __all__ = [  # noqa: RUF022 - in reading order
     "save_bundle",
     "load_bundle",
     "load_agent",
+    "shipped_agents",
     "Policy",
     "PolicyAgent",
     "AgentPolicy",

@@ -1,7 +1,8 @@
 """Agent bundles: a trained policy in one file, safetensors weights with a JSON header. Nothing is unpickled.
 
-The header says what made the policy: agent, settings, environment, memory, seed, spaces and versions. A bundle loaded
-again predicts the same bits.
+The header says what made the policy: agent, settings, environment, memory, seed, spaces and versions, and where one was
+played, its score with every episode. A bundle loaded again predicts the same bits. No statistics of observations are
+kept beside the weights: observations already lie in [-1, 1].
 """
 
 from __future__ import annotations
@@ -14,13 +15,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from gymnasium.spaces import Box
 
+from creative_nao.agents.algorithms import find_algorithm
+from creative_nao.agents.hyperparameters import Hyperparameters, check_entry, resolve_policy_kwargs
+from creative_nao.agents.judging import Score
 from creative_nao.agents.ppo import PPOSettings, build_policy, settings_from
+from creative_nao.agents.shipped import find_bundle
 from creative_nao.errors import CreativeNaoError, FileFormatError
 from creative_nao.provenance import versions
 from creative_nao.tensorfile import load_tensors, save_tensors
 
 if TYPE_CHECKING:
-    from stable_baselines3.common.policies import ActorCriticPolicy
+    from stable_baselines3.common.policies import BasePolicy
 
 KIND = "agent bundle"
 FORMAT_VERSION = 1
@@ -31,7 +36,7 @@ class BundleHeader:
     """What a bundle says of itself."""
 
     agent: str
-    settings: PPOSettings
+    settings: PPOSettings | Hyperparameters
     env: str
     """Environment it was trained on."""
     memory: str
@@ -43,12 +48,25 @@ class BundleHeader:
     action_space: Box
     versions: dict[str, str] = dataclasses.field(default_factory=versions)
     """Python and packages that trained it."""
+    command: str = ""
+    """The command that trains it again."""
+    score: Score | None = None
+    """The score it was recorded with; `replay` plays it again."""
+    machine: str = ""
+    """Kind of processor and instructions that the score was played with; others may round a last bit differently."""
+
+    @property
+    def deterministic(self) -> bool:
+        """Whether its most likely actions are played, or drawn ones."""
+        if isinstance(self.settings, PPOSettings):
+            return self.settings.deterministic
+        return self.score is None or self.score.deterministic
 
 
 class TrainedPolicy:
     """A policy read from a bundle, with the `predict` of Stable-Baselines3."""
 
-    def __init__(self, header: BundleHeader, policy: ActorCriticPolicy):
+    def __init__(self, header: BundleHeader, policy: BasePolicy):
         self.header = header
         self.policy = policy
 
@@ -59,13 +77,16 @@ class TrainedPolicy:
         return self.policy.predict(observation, state, episode_start, deterministic)
 
 
-def save_bundle(path: str | Path, header: BundleHeader, policy: ActorCriticPolicy) -> Path:
+def save_bundle(path: str | Path, header: BundleHeader, policy: BasePolicy) -> Path:
     """Write a policy and its header to `path` in one step and return the path."""
-    weights = {name: tensor.detach().cpu().numpy() for name, tensor in policy.state_dict().items()}
+    acting = _acting(header.settings)
+    weights = {
+        name: tensor.detach().cpu().numpy() for name, tensor in policy.state_dict().items() if name.startswith(acting)
+    }
     described = {
         "format_version": FORMAT_VERSION,
         "agent": header.agent,
-        "settings": dataclasses.asdict(header.settings),
+        **_describe_settings(header.settings),
         "env": header.env,
         "memory": header.memory,
         "seed": header.seed,
@@ -75,19 +96,25 @@ def save_bundle(path: str | Path, header: BundleHeader, policy: ActorCriticPolic
         "normalisation": None,  # observations already lie in [-1, 1]
         "versions": header.versions,
     }
+    if header.score is not None:
+        described |= {"command": header.command, "machine": header.machine, "score": header.score.as_json()}
     return save_tensors(path, kind=KIND, header=described, tensors=weights)
 
 
 def load_bundle(path: str | Path) -> TrainedPolicy:
     """Read an agent bundle.
 
+    Args:
+        path: A shipped name such as ``ppo/BoxingMental-v0``, or the path of a file.
+
     Raises:
-        NotFoundError: If there is no such file.
+        NotFoundError: If there is neither; the message offers the nearest name.
         FileFormatError: If a part of it is damaged or missing; the message names the part.
+        MissingDependencyError: If its algorithm needs a package that is not installed.
     """
     import torch
 
-    path = Path(path)
+    path = find_bundle(path)
     described, arrays = load_tensors(path, kind=KIND)
     if described.get("format_version") != FORMAT_VERSION:
         raise FileFormatError(
@@ -96,8 +123,9 @@ def load_bundle(path: str | Path) -> TrainedPolicy:
         )
     weights = {name: torch.from_numpy(array) for name, array in arrays.items()}
     header = _header(path, described)
-    policy = build_policy(header.observation_space, header.action_space, header.settings)
-    expected_weights = policy.state_dict()
+    policy = _build(path, header)
+    acting = _acting(header.settings)
+    expected_weights = {name: tensor for name, tensor in policy.state_dict().items() if name.startswith(acting)}
     for name, tensor in expected_weights.items():
         found = weights.get(name)
         if found is None:
@@ -111,7 +139,7 @@ def load_bundle(path: str | Path) -> TrainedPolicy:
             raise FileFormatError(f"agent bundle {path}: weights `{name}` hold values that are not finite")
     if extra := sorted(set(weights) - set(expected_weights)):
         raise FileFormatError(f"agent bundle {path}: weights `{extra[0]}` belong to no part of the policy")
-    policy.load_state_dict(weights)
+    policy.load_state_dict(weights, strict=not acting)  # critics are of no use for acting, and not in the file
     policy.set_training_mode(False)
     return TrainedPolicy(header, policy)
 
@@ -119,7 +147,7 @@ def load_bundle(path: str | Path) -> TrainedPolicy:
 def _header(path: Path, described: dict[str, Any]) -> BundleHeader:
     part = "settings"
     try:
-        settings = settings_from(described["settings"])
+        settings = _read_settings(described)
         part = "observation_space"
         observation_space = _read_box(described[part])
         part = "action_space"
@@ -131,13 +159,50 @@ def _header(path: Path, described: dict[str, Any]) -> BundleHeader:
                 raise TypeError(f"should be {kind.__name__}, but is {values[part]!r}")
         part = "versions"
         found = {str(name): str(value) for name, value in described[part].items()}
+        part = "score"
+        score = Score.from_json(described[part]) if part in described else None
     except KeyError:
         raise FileFormatError(f"agent bundle {path}: header part `{part}` is missing or incomplete") from None
     except (CreativeNaoError, TypeError, ValueError, AttributeError, AssertionError) as error:
         raise FileFormatError(f"agent bundle {path}: header part `{part}`: {error}") from error
     return BundleHeader(
-        settings=settings, observation_space=observation_space, action_space=action_space, versions=found, **values
-    )
+        settings=settings, observation_space=observation_space, action_space=action_space, versions=found, score=score,
+        command=str(described.get("command", "")), machine=str(described.get("machine", "")), **values,
+    )  # fmt: skip
+
+
+def _describe_settings(settings: PPOSettings | Hyperparameters) -> dict[str, Any]:
+    if isinstance(settings, PPOSettings):
+        return {"settings": dataclasses.asdict(settings)}
+    return {"algorithm": settings.algorithm, "settings": settings.as_zoo()}
+
+
+def _read_settings(described: dict[str, Any]) -> PPOSettings | Hyperparameters:
+    if "algorithm" in described:
+        return check_entry(str(described["algorithm"]), described["settings"], "settings")
+    return settings_from(described["settings"])
+
+
+def _acting(settings: PPOSettings | Hyperparameters) -> str:
+    """Return the prefix of the weights that choosing actions needs; empty for all."""
+    return "" if isinstance(settings, PPOSettings) else find_algorithm(settings.algorithm).acting
+
+
+def _build(path: Path, header: BundleHeader) -> Any:
+    """Make the untrained policy that the header describes."""
+    settings = header.settings
+    if isinstance(settings, PPOSettings):
+        return build_policy(header.observation_space, header.action_space, settings)
+    policy_class = find_algorithm(settings.algorithm).policy_class(settings.policy)
+    try:
+        return policy_class(
+            header.observation_space,
+            header.action_space,
+            lambda _: 0.0,
+            **resolve_policy_kwargs(settings.policy_kwargs),
+        )
+    except (TypeError, ValueError, AssertionError, RuntimeError) as error:
+        raise FileFormatError(f"agent bundle {path}: header part `settings`: no policy can be made: {error}") from error
 
 
 def _describe_box(space: Box) -> dict[str, Any]:

@@ -1,0 +1,97 @@
+"""The learning algorithms of Stable-Baselines3 and sb3-contrib that can be trained here, by name."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from dataclasses import dataclass
+from typing import Any
+
+from creative_nao.errors import MissingDependencyError, NotFoundError, nearest_name
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """One learning algorithm.
+
+    Attributes:
+        name: As RL Zoo calls it.
+        package: `stable_baselines3` or `sb3_contrib`.
+        class_name: Its class there.
+        on_policy: Whether it learns from whole rollouts of its present policy, and keeps no replay buffer.
+        policies: Names of policies it may have; the first is the default.
+        acting: Prefix of the weights that choosing an action needs; a bundle keeps these only.
+    """
+
+    name: str
+    package: str
+    class_name: str
+    on_policy: bool
+    policies: tuple[str, ...] = ("MlpPolicy",)
+    acting: str = ""
+
+    def load(self) -> Any:
+        """Return the class.
+
+        Raises:
+            MissingDependencyError: If its package is not installed.
+        """
+        try:
+            return getattr(importlib.import_module(self.package), self.class_name)
+        except ImportError as error:
+            raise MissingDependencyError(
+                f"agent `{self.name}` needs {self.package.replace('_', '-')}, which is not installed; "
+                'install it with: pip install "creative-nao[agents]"'
+            ) from error
+
+    def policy_class(self, policy: str) -> Any:
+        """Return the class of a policy, such as `MlpPolicy`."""
+        return self.load().policy_aliases[policy]
+
+    def parameters(self) -> dict[str, inspect.Parameter]:
+        """Return the settings of its constructor by name, those left out that are made here and not set by a user."""
+        return _settable(self.load(), _MADE_HERE)
+
+    def policy_parameters(self, policy: str) -> dict[str, inspect.Parameter]:
+        """Return the settings of a policy's constructor by name."""
+        return _settable(self.policy_class(policy), ("self", "observation_space", "action_space", "lr_schedule"))
+
+
+ALGORITHMS = {
+    one.name: one
+    for one in (
+        Algorithm("ppo", "stable_baselines3", "PPO", on_policy=True),
+        Algorithm("sac", "stable_baselines3", "SAC", on_policy=False, acting="actor."),
+        Algorithm("td3", "stable_baselines3", "TD3", on_policy=False, acting="actor."),
+        Algorithm("recurrent_ppo", "sb3_contrib", "RecurrentPPO", on_policy=True, policies=("MlpLstmPolicy",)),
+        Algorithm("tqc", "sb3_contrib", "TQC", on_policy=False, acting="actor."),
+        Algorithm("crossq", "sb3_contrib", "CrossQ", on_policy=False, acting="actor."),
+    )
+}
+"""Every algorithm by name. RL Zoo calls RecurrentPPO `ppo_lstm`; `find_algorithm` knows both."""
+
+_ALIASES = {"ppo_lstm": "recurrent_ppo"}
+_MADE_HERE = (
+    "self", "policy", "env", "policy_kwargs", "action_noise", "replay_buffer_class", "replay_buffer_kwargs",
+    "rollout_buffer_class", "rollout_buffer_kwargs", "optimize_memory_usage", "stats_window_size", "tensorboard_log",
+    "verbose", "seed", "device", "_init_setup_model",
+)  # fmt: skip
+
+
+def find_algorithm(name: str) -> Algorithm:
+    """Return the algorithm of this name.
+
+    Raises:
+        NotFoundError: If there is none; the message offers the nearest name.
+    """
+    name = _ALIASES.get(name, name)
+    if name not in ALGORITHMS:
+        raise NotFoundError(
+            f"no learning agent `{name}`{nearest_name(name, ALGORITHMS)}; there are {', '.join(ALGORITHMS)}"
+        )
+    return ALGORITHMS[name]
+
+
+def _settable(of: Any, left_out: tuple[str, ...]) -> dict[str, inspect.Parameter]:
+    found = inspect.signature(of.__init__).parameters
+    return {name: one for name, one in found.items() if name not in left_out and one.kind is not one.VAR_KEYWORD}

@@ -1,0 +1,263 @@
+"""Hyperparameters in RL Zoo's format: one YAML file an algorithm, keyed by environment, checked before use.
+
+The shipped files are in `hyperparams/`; the same files train with `python -m rl_zoo3.train --conf-file`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from creative_nao.agents.algorithms import Algorithm, find_algorithm
+from creative_nao.agents.literals import activation_name, parse_literal
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
+
+FOLDER = Path(__file__).parent / "hyperparams"
+_OWN_KEYS = ("n_timesteps", "n_envs", "policy", "policy_kwargs", "env_kwargs", "normalize", "noise_type", "noise_std")
+_MAX_BYTES = 200_000
+
+
+@dataclass(frozen=True)
+class Hyperparameters:
+    """How an agent is trained.
+
+    Attributes:
+        algorithm: Name of the algorithm.
+        n_timesteps: Decisions in training, over all copies of the environment.
+        n_envs: Copies of the environment.
+        policy: Name of the policy class, such as `MlpPolicy`.
+        policy_kwargs: Its settings; an activation is a name such as ``nn.ReLU``.
+        env_kwargs: Settings of the training environment.
+        arguments: Settings of the algorithm; a rate that falls to zero is written ``lin_0.001``.
+        noise_std: Standard deviation of the normal noise added to actions in training, or None.
+    """
+
+    algorithm: str
+    n_timesteps: int = 100_000
+    n_envs: int = 1
+    policy: str = "MlpPolicy"
+    policy_kwargs: dict[str, Any] = field(default_factory=dict)
+    env_kwargs: dict[str, Any] = field(default_factory=dict)
+    arguments: dict[str, Any] = field(default_factory=dict)
+    noise_std: float | None = None
+
+    def as_zoo(self) -> dict[str, Any]:
+        """Return them as an entry of RL Zoo's format."""
+        found: dict[str, Any] = {"n_timesteps": self.n_timesteps, "n_envs": self.n_envs, "policy": self.policy}
+        if self.env_kwargs:
+            found["env_kwargs"] = self.env_kwargs
+        if self.noise_std is not None:
+            found |= {"noise_type": "normal", "noise_std": self.noise_std}
+        found |= self.arguments
+        if self.policy_kwargs:
+            found["policy_kwargs"] = self.policy_kwargs
+            if "activation_fn" in self.policy_kwargs:  # RL Zoo reads a class only from text
+                inner = ", ".join(
+                    f"{name}={value if name == 'activation_fn' else repr(value)}"
+                    for name, value in self.policy_kwargs.items()
+                )
+                found["policy_kwargs"] = f"dict({inner})"
+        return found
+
+    def replace(self, **changes: Any) -> Hyperparameters:
+        """Return a copy with other values.
+
+        Raises:
+            SettingsError: If one is out of range.
+        """
+        return check_entry(self.algorithm, dataclasses.replace(self, **changes).as_zoo(), "hyperparameters")
+
+
+def read_hyperparameters(
+    algorithm: str, env_id: str, conf_file: str | os.PathLike[str] | None = None
+) -> Hyperparameters:
+    """Read the hyperparameters of an algorithm for an environment.
+
+    Args:
+        algorithm: Name of the algorithm.
+        env_id: Name of the environment.
+        conf_file: YAML file of RL Zoo's format; default: the shipped one.
+
+    Raises:
+        NotFoundError: If algorithm, file or entry does not exist; the message offers the nearest name.
+        FileFormatError: If the file is no YAML mapping.
+        SettingsError: If a key is unknown or a value out of range.
+    """
+    known = find_algorithm(algorithm)
+    path = FOLDER / f"{known.name}.yml" if conf_file is None else Path(conf_file)
+    entries = _read_yaml(path)
+    if env_id not in entries:
+        raise NotFoundError(
+            f"{path.name}: no entry `{env_id}`{nearest_name(env_id, entries)}; there are {', '.join(entries)}"
+        )
+    return check_entry(known.name, entries[env_id], f"{path.name}: {env_id}")
+
+
+def check_entry(algorithm: str, entry: Any, where: str) -> Hyperparameters:
+    """Return the hyperparameters of one entry of RL Zoo's format.
+
+    Raises:
+        SettingsError: If a key is unknown or a value out of range; the message names the entry and the key.
+    """
+    known = find_algorithm(algorithm)
+    if not isinstance(entry, Mapping):
+        raise SettingsError(f"{where}: should be a mapping of names to values, but is {entry!r:.60}")
+    parameters = known.parameters()
+    keys = (*_OWN_KEYS, *parameters)
+    for key in entry:
+        if key not in keys:
+            raise SettingsError(f"{where}: no setting `{key}`{nearest_name(str(key), keys)} of {known.class_name}")
+    if entry.get("normalize", False) is not False:
+        raise SettingsError(
+            f"{where}: `normalize` should be false, but is {entry['normalize']!r}: observations already lie in "
+            "[-1, 1], and a bundle holds no running statistics"
+        )
+    policy = str(entry.get("policy", known.policies[0]))
+    if policy not in known.policies:
+        raise SettingsError(f"{where}: `policy` should be {' or '.join(known.policies)}, but is {policy!r}")
+    made = Hyperparameters(
+        algorithm=known.name,
+        n_timesteps=_whole(entry.get("n_timesteps", Hyperparameters.n_timesteps), f"{where}: `n_timesteps`"),
+        n_envs=_whole(entry.get("n_envs", Hyperparameters.n_envs), f"{where}: `n_envs`"),
+        policy=policy,
+        policy_kwargs=_policy_kwargs(known, policy, entry.get("policy_kwargs", {}), f"{where}: `policy_kwargs`"),
+        env_kwargs=_mapping(entry.get("env_kwargs", {}), f"{where}: `env_kwargs`"),
+        arguments={key: _argument(key, value, parameters[key].default, where) for key, value in entry.items()
+                   if key in parameters},
+        noise_std=_noise(entry, where, known),
+    )  # fmt: skip
+    _check_rollout(made, known, where)
+    return made
+
+
+def schedule(value: Any) -> Any:
+    """Return what the algorithms take for a rate: a number, or for ``lin_x`` a function falling from x to 0."""
+    if not isinstance(value, str) or not value.startswith("lin_"):
+        return value
+    start = float(value.removeprefix("lin_"))
+    falling: Callable[[float], float] = lambda remaining: start * remaining  # noqa: E731 - it is a value here
+    return falling
+
+
+def resolve_policy_kwargs(policy_kwargs: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `policy_kwargs` with the activation's class in place of its name."""
+    import torch
+
+    found = dict(policy_kwargs)
+    if "activation_fn" in found:
+        found["activation_fn"] = getattr(torch.nn, found["activation_fn"].removeprefix("nn."))
+    return found
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    import yaml
+
+    if not path.is_file():
+        raise NotFoundError(f"no hyperparameter file at {path}; the shipped ones are in {FOLDER}")
+    if path.stat().st_size > _MAX_BYTES:
+        raise FileFormatError(f"{path}: {path.stat().st_size} bytes; a hyperparameter file has at most {_MAX_BYTES}")
+    try:
+        found = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise FileFormatError(f"{path}: is no YAML that can be read: {' '.join(str(error).split())}") from error
+    if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):
+        raise FileFormatError(f"{path}: should map names of environments to settings, but holds {found!r:.60}")
+    return found
+
+
+def _number(value: Any, where: str) -> float:
+    """Return a number; YAML reads 1e-3, without a point, as text."""
+    if isinstance(value, str):
+        with contextlib.suppress(ValueError):
+            value = float(value)
+    if isinstance(value, bool) or not isinstance(value, int | float) or value != value or abs(value) == float("inf"):
+        raise SettingsError(f"{where} should be a number, but is {value!r}")
+    return value
+
+
+def _whole(value: Any, where: str, least: int = 1) -> int:
+    number = _number(value, where)
+    if number != int(number) or number < least:
+        raise SettingsError(f"{where} should be a whole number of at least {least}, but is {value!r}")
+    return int(number)
+
+
+def _argument(key: str, value: Any, default: Any, where: str) -> Any:
+    """Return the value of a setting of the algorithm, checked against the kind and range of its default."""
+    named = f"{where}: `{key}`"
+    if key in ("learning_rate", "clip_range", "clip_range_vf"):
+        if isinstance(value, str) and value.startswith("lin_"):
+            return f"lin_{_positive(value.removeprefix('lin_'), named)!r}"
+        return None if value is None and default is None else _positive(value, named)
+    if key in ("gamma", "gae_lambda", "tau"):
+        if not 0.0 <= _number(value, named) <= 1.0:
+            raise SettingsError(f"{named} should be between 0 and 1, but is {value!r}")
+        return float(_number(value, named))
+    if isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise SettingsError(f"{named} should be true or false, but is {value!r}")
+        return value
+    if isinstance(value, str) and value.startswith("auto") and key in ("ent_coef", "target_entropy"):
+        start = value.removeprefix("auto").removeprefix("_")
+        return value if not start else f"auto_{_positive(start, named)!r}"
+    if value is None or isinstance(value, list):
+        if value is default or (key == "train_freq" and isinstance(value, list)):
+            return value
+        raise SettingsError(f"{named} should be a number, but is {value!r}")
+    if isinstance(default, int) and key not in ("ent_coef", "target_entropy"):
+        return _whole(value, named, least=-1 if key in ("gradient_steps", "sde_sample_freq") else 0)
+    return _number(value, named)
+
+
+def _positive(value: Any, where: str) -> float:
+    number = float(_number(value, where))
+    if number <= 0.0:
+        raise SettingsError(f"{where} should be above 0, but is {value!r}")
+    return number
+
+
+def _mapping(value: Any, where: str) -> dict[str, Any]:
+    found = parse_literal(value, where) if isinstance(value, str) else value
+    if not isinstance(found, Mapping) or not all(isinstance(key, str) for key in found):
+        raise SettingsError(f"{where} should be a mapping of names to values, but is {value!r:.60}")
+    return dict(found)
+
+
+def _policy_kwargs(known: Algorithm, policy: str, value: Any, where: str) -> dict[str, Any]:
+    found = _mapping(value, where)
+    names = known.policy_parameters(policy)
+    for key in found:
+        if key not in names:
+            raise SettingsError(f"{where}: no setting `{key}`{nearest_name(key, names)} of {policy}")
+    if "activation_fn" in found:
+        found["activation_fn"] = activation_name(str(found["activation_fn"]), f"{where}: `activation_fn`")
+    return found
+
+
+def _noise(entry: Mapping[str, Any], where: str, known: Algorithm) -> float | None:
+    kind, std = entry.get("noise_type"), entry.get("noise_std")
+    if kind is None and std is None:
+        return None
+    if known.on_policy:
+        raise SettingsError(f"{where}: `noise_type` is for algorithms with a replay buffer, not for {known.class_name}")
+    if kind != "normal" or std is None:
+        raise SettingsError(
+            f'{where}: `noise_type` should be "normal" with a `noise_std`, but is {kind!r} with {std!r}'
+        )
+    return _positive(std, f"{where}: `noise_std`")
+
+
+def _check_rollout(made: Hyperparameters, known: Algorithm, where: str) -> None:
+    """Refuse minibatches that do not divide the rollout: the last one would be smaller than asked for."""
+    if not known.on_policy:
+        return
+    defaults = known.parameters()
+    size = made.n_envs * made.arguments.get("n_steps", defaults["n_steps"].default)
+    batch = made.arguments.get("batch_size", defaults["batch_size"].default)
+    if not batch or size % batch:
+        raise SettingsError(f"{where}: `batch_size` should divide n_envs * n_steps = {size}, but is {batch}")

@@ -1,0 +1,244 @@
+"""Everything that decides how a training goes on, as arrays and plain values: to write to a file and to go back to.
+
+Weights, optimisers, replay buffer, the environments' exact state, and the generators of Python, NumPy, torch and the
+action space. A training put back into such a state continues with the same bits; nothing is pickled.
+"""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from creative_nao.envs.state import EnvState
+from creative_nao.errors import FileFormatError, SettingsError
+
+_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
+_NOISE_MATRICES = ("exploration_mat", "exploration_matrices")
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingState:
+    """The state of a training between two rollouts.
+
+    Attributes:
+        values: What JSON can hold.
+        arrays: The rest, by name.
+    """
+
+    values: dict[str, Any]
+    arrays: dict[str, np.ndarray]
+
+
+def capture(model: Any) -> TrainingState:
+    """Return the exact state of a model of Stable-Baselines3 and of its environments.
+
+    Raises:
+        SettingsError: If the environments cannot tell their state.
+    """
+    values: dict[str, Any] = {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)}
+    arrays: dict[str, np.ndarray] = {}
+    values["parameters"] = _pack(model.get_parameters(), "parameters", arrays)
+    values["variables"] = {}
+    for name in model._get_torch_save_params()[1]:
+        arrays[f"variable.{name}"] = _copied(_variable(model, name))
+    arrays["last_obs"] = model._last_obs.copy()
+    arrays["last_episode_starts"] = np.array(model._last_episode_starts, dtype=bool)
+    values["episodes"] = [[float(one["r"]), int(one["l"]), float(one["t"])] for one in model.ep_info_buffer]
+    if (states := getattr(model, "_last_lstm_states", None)) is not None:
+        for place, tensor in enumerate((*states.pi, *states.vf)):
+            arrays[f"lstm.{place}"] = _copied(tensor)
+    _capture_buffer(model, values, arrays)
+    _capture_random(model, values, arrays)
+    _capture_envs(model, values, arrays)
+    return TrainingState(values, arrays)
+
+
+def restore(model: Any, state: TrainingState) -> None:
+    """Put a model made with the same settings into a state of `capture`.
+
+    Raises:
+        FileFormatError: If the state is of another training; the message names the part.
+    """
+    import torch
+
+    values, arrays = state.values, state.arrays
+    part = "counters"
+    try:
+        for name in _COUNTERS:
+            if name in values:
+                setattr(model, name, values[name])
+        part = "parameters"
+        model.set_parameters(_unpack(values["parameters"], arrays), exact_match=True, device="cpu")
+        part = "variables"
+        for name in model._get_torch_save_params()[1]:
+            _variable(model, name).data.copy_(torch.from_numpy(arrays[f"variable.{name}"]))
+        part = "episodes"
+        model._last_obs = arrays["last_obs"].copy()
+        model._last_episode_starts = arrays["last_episode_starts"].copy()
+        told = ({"r": r, "l": length, "t": t} for r, length, t in values["episodes"])
+        model.ep_info_buffer = deque(told, maxlen=model._stats_window_size)
+        model.ep_success_buffer = deque(maxlen=model._stats_window_size)
+        if (states := getattr(model, "_last_lstm_states", None)) is not None:
+            tensors = [torch.from_numpy(arrays[f"lstm.{place}"].copy()) for place in range(4)]
+            model._last_lstm_states = type(states)((tensors[0], tensors[1]), (tensors[2], tensors[3]))
+        part = "replay buffer"
+        _restore_buffer(model, values, arrays)
+        part = "environments"
+        _restore_envs(model, values, arrays)
+        part = "random generators"
+        restore_random(model, state)
+    except (KeyError, ValueError, TypeError, RuntimeError, IndexError, AttributeError) as error:
+        if isinstance(error, SettingsError):
+            raise
+        raise FileFormatError(f"training state: its {part} do not fit this training: {error}") from error
+
+
+def restore_random(model: Any, state: TrainingState) -> None:
+    """Put the random generators, and the matrices of state-dependent noise, into a state of `capture`.
+
+    Algorithms draw such matrices just before a rollout begins; a resumed training therefore calls this once more when
+    its first rollout has begun, the moment at which the state was captured.
+    """
+    import torch
+
+    values, arrays = state.values, state.arrays
+    version, gauss = values["random"]["python"]
+    random.setstate((version, tuple(arrays["random.python"].tolist()), gauss))
+    kind, place, has_gauss, cached = values["random"]["numpy"]
+    np.random.set_state((kind, arrays["random.numpy"], place, has_gauss, cached))  # noqa: NPY002 - theirs is global
+    torch.set_rng_state(torch.from_numpy(arrays["random.torch"].copy()))
+    model.action_space.np_random.bit_generator.state = values["random"]["action_space"]
+    for name in _NOISE_MATRICES:
+        if f"noise.{name}" in arrays:
+            setattr(_distribution(model), name, torch.from_numpy(arrays[f"noise.{name}"].copy()))
+
+
+def _capture_random(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    import torch
+
+    version, words, gauss = random.getstate()
+    kind, keys, place, has_gauss, cached = np.random.get_state()  # noqa: NPY002 - the algorithms draw from it
+    arrays["random.python"] = np.array(words, dtype=np.uint64)
+    arrays["random.numpy"] = np.array(keys, dtype=np.uint32)
+    arrays["random.torch"] = torch.get_rng_state().numpy().copy()
+    values["random"] = {
+        "python": [version, gauss],
+        "numpy": [kind, int(place), int(has_gauss), float(cached)],
+        "action_space": model.action_space.np_random.bit_generator.state,
+    }
+    for name in _NOISE_MATRICES:
+        if model.use_sde and (matrix := getattr(_distribution(model), name, None)) is not None:
+            arrays[f"noise.{name}"] = _copied(matrix)
+
+
+def _distribution(model: Any) -> Any:
+    return getattr(model, "actor", model.policy).action_dist
+
+
+def _variable(model: Any, name: str) -> Any:
+    found = model
+    for piece in name.split("."):
+        found = getattr(found, piece)
+    return found
+
+
+def _buffer_arrays(buffer: Any) -> dict[str, np.ndarray]:
+    return {
+        name: value
+        for name, value in vars(buffer).items()
+        if isinstance(value, np.ndarray) and value.shape[:1] == (buffer.buffer_size,)
+    }
+
+
+def _capture_buffer(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    buffer = getattr(model, "replay_buffer", None)
+    if buffer is None:
+        return
+    values["buffer"] = {"pos": buffer.pos, "full": buffer.full}
+    filled = buffer.size()
+    for name, array in _buffer_arrays(buffer).items():
+        arrays[f"buffer.{name}"] = array[:filled].copy()
+
+
+def _restore_buffer(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    buffer = getattr(model, "replay_buffer", None)
+    if buffer is None:
+        return
+    buffer.pos, buffer.full = values["buffer"]["pos"], values["buffer"]["full"]
+    filled = buffer.size()
+    for name, array in _buffer_arrays(buffer).items():
+        array[:filled] = arrays[f"buffer.{name}"]
+
+
+def _envs(model: Any) -> Any:
+    """Return what tells and takes the exact state of all copies: the native vector environment."""
+    inner = getattr(getattr(model.get_env(), "venv", None), "venv", None)
+    if not hasattr(inner, "get_state"):
+        raise SettingsError(
+            f"{model.get_env()}: its environments have no `get_state`, so no checkpoint can be written; "
+            "train on one of this project's"
+        )
+    return inner
+
+
+def _capture_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    states = _envs(model).get_state()
+    values["envs"] = [{"kind": one.kind, "values": one.values, "arrays": sorted(one.arrays)} for one in states]
+    for place, one in enumerate(states):
+        for name, array in one.arrays.items():
+            arrays[f"env.{place}.{name}"] = np.array(array)
+    monitor = model.get_env()
+    arrays["monitor.returns"], arrays["monitor.lengths"] = (
+        monitor.episode_returns.copy(),
+        monitor.episode_lengths.copy(),
+    )
+    values["monitor"] = int(monitor.episode_count)
+
+
+def _restore_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    states = [
+        EnvState(one["kind"], one["values"], {name: arrays[f"env.{place}.{name}"] for name in one["arrays"]})
+        for place, one in enumerate(values["envs"])
+    ]
+    _envs(model).set_state(states)
+    monitor = model.get_env()
+    monitor.episode_returns = arrays["monitor.returns"].copy()
+    monitor.episode_lengths = arrays["monitor.lengths"].copy()
+    monitor.episode_count = values["monitor"]
+
+
+def _copied(tensor: Any) -> np.ndarray:
+    return tensor.detach().cpu().numpy().copy()
+
+
+def _pack(value: Any, path: str, arrays: dict[str, np.ndarray]) -> Any:
+    """Return `value` as plain values; its tensors go to `arrays` under their path."""
+    import torch
+
+    if isinstance(value, torch.Tensor):
+        arrays[path] = _copied(value)
+        return {"tensor": path}
+    if isinstance(value, dict):
+        return {"items": [[key, _pack(one, f"{path}.{key}", arrays)] for key, one in value.items()]}
+    if isinstance(value, list | tuple):
+        kind = "list" if isinstance(value, list) else "tuple"
+        return {kind: [_pack(one, f"{path}.{place}", arrays) for place, one in enumerate(value)]}
+    return {"value": value}
+
+
+def _unpack(packed: dict[str, Any], arrays: dict[str, np.ndarray]) -> Any:
+    import torch
+
+    (kind, inside), *_ = packed.items()
+    if kind == "tensor":
+        return torch.from_numpy(arrays[inside].copy())
+    if kind == "items":
+        return {key: _unpack(one, arrays) for key, one in inside}
+    if kind in ("list", "tuple"):
+        parts = [_unpack(one, arrays) for one in inside]
+        return parts if kind == "list" else tuple(parts)
+    return inside

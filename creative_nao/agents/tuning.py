@@ -1,0 +1,181 @@
+"""Search hyperparameters with Optuna: trained on train memories, scored on validation memories, resumable.
+
+The study is a journal file of plain text. The first trial is the starting values themselves, so that the search is
+measured against them. Tuning picks the best of many noisy scores: the winner's own score is too good by that choice,
+and only the test memories, which play no part here, tell how good it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from creative_nao import atomic
+from creative_nao.agents.algorithms import find_algorithm
+from creative_nao.agents.hyperparameters import Hyperparameters, read_hyperparameters
+from creative_nao.agents.training import TrainingPlan, train_agent
+from creative_nao.errors import MissingDependencyError, SettingsError
+
+_WIDTHS = (32, 64, 128)
+
+
+@dataclass(frozen=True)
+class TuningPlan:
+    """What is searched.
+
+    Attributes:
+        algorithm: Name of the algorithm.
+        env: Name of the environment.
+        n_trials: Trials in the whole study.
+        n_timesteps: Decisions in the training of a trial.
+        seed: Seed of the search and of each training.
+        conf_file: Hyperparameters to start from; None for the shipped ones.
+    """
+
+    algorithm: str
+    env: str
+    n_trials: int = 20
+    n_timesteps: int = 20_000
+    seed: int = 0
+    conf_file: Path | None = None
+
+
+@dataclass(frozen=True)
+class TuningResult:
+    """What was found.
+
+    Attributes:
+        path: YAML file of the best entry.
+        n_trials: Trials done.
+        first_reward: Validation reward of the starting values.
+        best_reward: Validation reward of the best.
+        best: The values chosen in the best trial.
+    """
+
+    path: Path
+    n_trials: int
+    first_reward: float
+    best_reward: float
+    best: dict[str, Any]
+
+
+def tune(
+    plan: TuningPlan, out: Path, *, resume: bool = False, progress: Callable[[int, float], None] | None = None
+) -> TuningResult:
+    """Run the trials that are still missing and write the best entry.
+
+    Args:
+        plan: What to search.
+        out: Folder for `study.journal` and ``ALGORITHM.yml``.
+        resume: Go on from the study in `out`.
+        progress: Called with the number of trials done and the best reward so far.
+
+    Raises:
+        MissingDependencyError: If Optuna is not installed.
+        SettingsError: If there is a study already and `resume` is not set, or it is of another plan.
+    """
+    optuna = _optuna()
+    if plan.n_trials < 1:
+        raise SettingsError(f"`n_trials` should be at least 1, but is {plan.n_trials}")
+    known = find_algorithm(plan.algorithm)
+    start = read_hyperparameters(known.name, plan.env, plan.conf_file).replace(n_timesteps=plan.n_timesteps)
+    journal = out / "study.journal"
+    if journal.exists() and not resume:
+        raise SettingsError(f"{journal} is left from an earlier search; go on from it with --resume, or remove it")
+    out.mkdir(parents=True, exist_ok=True)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    storage = optuna.storages.JournalStorage(optuna.storages.journal.JournalFileBackend(str(journal)))
+    study = optuna.create_study(storage=storage, study_name="tuning", direction="maximize", load_if_exists=True)
+    about = {"start": start.as_zoo(), "algorithm": known.name, "env": plan.env, "seed": plan.seed}
+    if study.user_attrs.get("about", about) != about:
+        raise SettingsError(f"{journal} is a search with other settings; give the same ones to go on, or another --out")
+    study.set_user_attr("about", about)
+    done = optuna.trial.TrialState.COMPLETE
+
+    def finished() -> int:
+        return len(study.get_trials(deepcopy=False, states=(done,)))
+
+    while finished() < plan.n_trials:
+        # A sampler for each trial, so that a search that was interrupted goes on with the same draws.
+        study.sampler = optuna.samplers.TPESampler(seed=plan.seed * 100_003 + finished(), n_startup_trials=5)
+        first = finished() == 0
+        study.optimize(lambda trial, first=first: _reward(trial, plan, start, first), n_trials=1)
+        if progress is not None:
+            progress(finished(), study.best_value)
+    best = study.best_trial
+    entry = suggest(optuna.trial.FixedTrial(best.params), start) if best.params else start
+    whole = read_hyperparameters(known.name, plan.env, plan.conf_file).n_timesteps
+    path = out / f"{known.name}.yml"
+    atomic.write_text(path, _as_yaml(plan, entry.replace(n_timesteps=whole), study.best_value, finished()))
+    complete = study.get_trials(deepcopy=False, states=(done,))
+    return TuningResult(path, len(complete), complete[0].value, study.best_value, dict(best.params))
+
+
+def suggest(trial: Any, start: Hyperparameters) -> Hyperparameters:
+    """Return the starting values with those that are searched replaced by the trial's."""
+    on_policy = find_algorithm(start.algorithm).on_policy
+    arguments = dict(start.arguments)
+    rate = trial.suggest_float("learning_rate", 1e-4, 1e-2, log=True)
+    arguments["learning_rate"] = f"lin_{rate!r}" if on_policy else rate
+    arguments["gamma"] = trial.suggest_categorical("gamma", [0.0, 0.5, 0.8, 0.95, 0.99])
+    noise = start.noise_std
+    policy_kwargs = dict(start.policy_kwargs)
+    if on_policy:
+        arguments["ent_coef"] = trial.suggest_categorical("ent_coef", [0.0, 0.001, 0.01])
+        arguments["n_epochs"] = trial.suggest_int("n_epochs", 4, 16)
+        arguments["gae_lambda"] = trial.suggest_categorical("gae_lambda", [0.8, 0.9, 0.95, 1.0])
+        policy_kwargs["log_std_init"] = trial.suggest_float("log_std_init", -1.5, 0.5)
+    else:
+        arguments["gradient_steps"] = trial.suggest_int("gradient_steps", 1, 8)
+        arguments["batch_size"] = trial.suggest_categorical("batch_size", [64, 128, 256])
+        if "tau" in find_algorithm(start.algorithm).parameters():
+            arguments["tau"] = trial.suggest_categorical("tau", [0.005, 0.01, 0.02, 0.05])
+        if noise is not None:
+            noise = trial.suggest_float("noise_std", 0.05, 0.8)
+    width = trial.suggest_categorical("width", list(_WIDTHS))
+    layers = policy_kwargs.get("net_arch", [64, 64])
+    policy_kwargs["net_arch"] = (
+        {name: [width] * len(widths) for name, widths in layers.items()}
+        if isinstance(layers, dict)
+        else [width] * len(layers)
+    )
+    return start.replace(arguments=arguments, policy_kwargs=policy_kwargs, noise_std=noise)
+
+
+def _reward(trial: Any, plan: TuningPlan, start: Hyperparameters, first: bool) -> float:
+    """Train once; return the mean of the last evaluation on validation memories (never the best one)."""
+    chosen = start if first else suggest(trial, start)
+    training = TrainingPlan(
+        chosen,
+        env=plan.env,
+        judged_env=plan.env,
+        seed=plan.seed,
+        judged_seeds=(0, 1, 2),
+        evaluation_interval=plan.n_timesteps,
+    )
+    _, record = train_agent(training)
+    last = record.evaluations[-1]
+    return math.fsum(last) / len(last)
+
+
+def _as_yaml(plan: TuningPlan, entry: Hyperparameters, reward: float, n_trials: int) -> str:
+    import yaml
+
+    text = yaml.safe_dump({plan.env: entry.as_zoo()}, sort_keys=False, default_flow_style=None)
+    return (
+        f"# Best of {n_trials} trials of {plan.n_timesteps} decisions, seed {plan.seed}; "
+        f"validation reward {reward:.3f} (optimistic: it is the best of many)\n{text}"
+    )
+
+
+def _optuna() -> Any:
+    try:
+        import optuna
+    except ImportError as error:
+        raise MissingDependencyError(
+            'tuning needs Optuna, which is not installed; install it with: pip install "creative-nao[tune]"'
+        ) from error
+    return optuna

@@ -1,0 +1,99 @@
+"""`creative-nao agent run`: let an agent play and print what it earned."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import tyro
+
+from creative_nao.agents.adapters import PolicyAgent
+from creative_nao.agents.bundle import TrainedPolicy
+from creative_nao.agents.judging import PlayedEpisode, Score, play_episodes
+from creative_nao.agents.registry import make_agent
+from creative_nao.agents.replay import replay
+from creative_nao.agents.training import memories_of
+from creative_nao.cli.progress import Display
+from creative_nao.errors import SettingsError
+
+
+@dataclasses.dataclass(frozen=True)
+class RunAgentSettings:
+    """Let an agent play episodes: a bundle, a shipped agent such as ppo/BoxingMental-v0, or an untrained one."""
+
+    agent: tyro.conf.Positional[str]
+    """Shipped name, path of a bundle, name of an untrained agent such as random, or module:factory of your own."""
+    env: str | None = None
+    """Environment; default: the one a trained agent is for, else CreativeNao/BoxingMental-v0."""
+    memory: str = "validation"
+    """Memory by name or file, or a part of the bank: train, validation, test."""
+    seed: int = 0
+    """Seed of the first episode of each memory; the next has the next."""
+    episodes: int = 1
+    """Episodes of each memory."""
+    replay: bool = False
+    """Play the score that the bundle records again, and say whether it is reproduced; sets memories and seeds."""
+    json: bool = False
+    """Print the episodes as JSON."""
+
+
+def run(settings: RunAgentSettings) -> int:
+    """Play, print one line an episode and the mean with its interval."""
+    if settings.episodes < 1:
+        raise SettingsError(f"--episodes should be at least 1, but is {settings.episodes}")
+    agent = make_agent(settings.agent)
+    trained = agent.policy if isinstance(agent, PolicyAgent) and isinstance(agent.policy, TrainedPolicy) else None
+    if settings.replay:
+        if trained is None:
+            raise SettingsError(f"--replay needs a trained agent with a recorded score, but got `{settings.agent}`")
+        return _replay(trained, settings)
+    env_id = settings.env or (trained.header.env if trained is not None else "CreativeNao/BoxingMental-v0")
+    if settings.env is None and trained is not None and trained.header.score is not None:
+        env_id = trained.header.score.env
+    memories = memories_of(settings.memory)
+    seeds = range(settings.seed, settings.seed + settings.episodes)
+    with Display({"playing": len(memories) * len(seeds)}) as display:
+        episodes = play_episodes(agent, env_id, memories, seeds, progress=lambda done: display.show("playing", done))
+    deterministic = agent.deterministic if isinstance(agent, PolicyAgent) else True
+    score = Score(env_id, deterministic, episodes)
+    if settings.json:
+        print(json.dumps({"agent": agent.name, **score.as_json()}))  # noqa: T201 - the command's output
+        return 0
+    for one in episodes:
+        print(_line(one))  # noqa: T201
+    low, high = score.interval
+    print(  # noqa: T201
+        f"{agent.name} in {env_id}: mean reward {score.mean:.2f} ({low:.2f} to {high:.2f}, "
+        f"95 % over {len(memories)} memories), {len(episodes)} episodes"
+    )
+    return 0
+
+
+def _replay(trained: TrainedPolicy, settings: RunAgentSettings) -> int:
+    recorded = trained.header.score
+    n_episodes = len(recorded.episodes) if recorded is not None else 1
+    with Display({"replaying": n_episodes}) as display:
+        score = replay(trained, progress=lambda done: display.show("replaying", done))
+    same = score == recorded
+    if settings.json:
+        print(json.dumps({"agent": trained.header.agent, "reproduced": same, **score.as_json()}))  # noqa: T201
+    else:
+        assert recorded is not None
+        verdict = "reproduced exactly" if same else f"not reproduced, now {score.mean!r}; recorded with"
+        made_with = "" if same else f" {trained.header.machine}, {trained.header.versions}"
+        print(  # noqa: T201
+            f"{Path(settings.agent).name}: recorded {recorded.mean!r} over {n_episodes} episodes in "
+            f"{recorded.env}: {verdict}{made_with}"
+        )
+    return 0 if same else 1
+
+
+def _line(one: PlayedEpisode) -> str:
+    told = [f"{one.memory:<10} seed {one.seed}: reward {one.reward:6.2f}"]
+    if one.appropriateness_pct is not None:
+        told.append(f"appropriate {one.appropriateness_pct:5.1f} %")
+    for name in ("novelty", "diversity"):
+        if (value := getattr(one, name)) is not None:
+            told.append(f"{name} {value:5.2f}")
+    return ", ".join(told)

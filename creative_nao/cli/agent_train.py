@@ -1,0 +1,236 @@
+"""`creative-nao agent train`: train an agent of Stable-Baselines3 or sb3-contrib and write it as a bundle."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+
+from creative_nao import atomic
+from creative_nao.agents.algorithms import find_algorithm
+from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, save_bundle
+from creative_nao.agents.hyperparameters import read_hyperparameters
+from creative_nao.agents.judging import Score, check_env
+from creative_nao.agents.replay import machine, score_policy
+from creative_nao.agents.training import TrainingPlan, memories_of, train_agent
+from creative_nao.agents.training_record import TrainingRecord
+from creative_nao.cli.progress import Display
+from creative_nao.errors import SettingsError
+from creative_nao.provenance import record as provenance
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainAgentSettings:
+    """Train an agent on the bank's train memories, judged on its validation memories, and write a bundle.
+
+    The folder --out gets agent.safetensors (the bundle), checkpoint.safetensors, episodes.csv, evaluations.csv,
+    progress.csv and run.json. After Ctrl-C or a crash, the same command with --resume goes on from the checkpoint and
+    ends with the same bits as an uninterrupted run.
+    """
+
+    algorithm: tyro.conf.Positional[str]
+    """ppo, sac, td3; with the extra `agents`: recurrent_ppo, tqc, crossq."""
+    out: Path
+    """Folder to write."""
+    env: str = "CreativeNao/BoxingMental-v0"
+    """Environment the agent is for: its hyperparameters, and where its recorded score is played."""
+    train_env: str | None = None
+    """Environment to train in, if another one: the mental twin of a physical one is hundreds of times faster."""
+    seed: int = 0
+    """Seed of weights, draws and environments; one seed, one agent."""
+    timesteps: int | None = None
+    """Decisions in training; default: those of the hyperparameter file."""
+    conf_file: Path | None = None
+    """Hyperparameters as YAML in RL Zoo's format; default: the shipped ones."""
+    memory: str = "train"
+    """Memory, or part of the bank, to train on; never a test memory."""
+    validation_memory: str = "validation"
+    """Memory, or part of the bank, to be judged on."""
+    evaluation_interval: int = 20_000
+    """Decisions from one evaluation to the next; the best weights are kept."""
+    checkpoint_interval: int = 20_000
+    """Decisions from one checkpoint to the next."""
+    score_seeds: int = 5
+    """Episodes of each validation memory in the recorded score."""
+    resume: bool = False
+    """Go on from the checkpoint in --out, if there is one."""
+    tensorboard: bool = False
+    """Write TensorBoard files into --out as well."""
+    json: bool = False
+    """Print the figures as JSON."""
+
+
+def run(settings: TrainAgentSettings) -> int:
+    """Train, write bundle and logs, print the recorded score.
+
+    Raises:
+        KeyboardInterrupt: After Ctrl-C; the checkpoint is written.
+    """
+    plan = _plan(settings)
+    checkpoint = settings.out / "checkpoint.safetensors"
+    _check_place(settings, checkpoint)
+    stop = threading.Event()
+    n_decisions = plan.hyperparameters.n_timesteps
+    with Display({"training": n_decisions}) as display, stopped_by_signals(stop):
+
+        def show(record: TrainingRecord, done: int) -> None:
+            note = f"validation {np.mean(record.evaluations[-1]):.2f}, best {record.best_mean:.2f}"
+            display.show("training", min(done, n_decisions), note)
+
+        policy, record = train_agent(
+            plan,
+            checkpoint=checkpoint,
+            resume=settings.resume,
+            tensorboard=settings.out / "tensorboard" if settings.tensorboard else None,
+            logs=settings.out / "progress.csv",
+            progress=show,
+            stop=stop,
+        )
+    header = BundleHeader(
+        agent=plan.hyperparameters.algorithm,
+        settings=plan.hyperparameters,
+        env=plan.env,
+        memory=plan.memory,
+        seed=plan.seed,
+        n_actions_training=n_decisions,
+        observation_space=policy.observation_space,
+        action_space=policy.action_space,
+        command=_command(settings, plan),
+        machine=machine(),
+    )
+    header = dataclasses.replace(header, score=_score(TrainedPolicy(header, policy), settings, plan))
+    bundle = save_bundle(settings.out / "agent.safetensors", header, policy)
+    record.write_csv(settings.out)
+    figures = _figures(header, record, bundle)
+    whole = {**provenance(settings=plan.as_json(), command=header.command), **figures}
+    atomic.write_text(settings.out / "run.json", json.dumps(whole, indent=2) + "\n")
+    _print(figures, settings.json)
+    return 0
+
+
+@contextmanager
+def stopped_by_signals(stop: threading.Event) -> Iterator[None]:
+    """While inside, SIGINT and SIGTERM set an event; a second SIGINT stops at once."""
+
+    def handle(number: int, _: Any) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _plan(settings: TrainAgentSettings) -> TrainingPlan:
+    find_algorithm(settings.algorithm)
+    trained_in = settings.env if settings.train_env is None else settings.train_env
+    for env_id in (settings.env, trained_in):
+        check_env(env_id)
+    chosen = read_hyperparameters(settings.algorithm, settings.env, settings.conf_file)
+    if settings.timesteps is not None:
+        chosen = chosen.replace(n_timesteps=settings.timesteps)
+    find_algorithm(settings.algorithm).load()
+    return TrainingPlan(
+        chosen,
+        env=trained_in,
+        judged_env=trained_in,
+        seed=settings.seed,
+        memory=settings.memory,
+        judged_memory=settings.validation_memory,
+        evaluation_interval=settings.evaluation_interval,
+        checkpoint_interval=settings.checkpoint_interval,
+    )
+
+
+def _check_place(settings: TrainAgentSettings, checkpoint: Path) -> None:
+    if settings.score_seeds < 1:
+        raise SettingsError(f"--score-seeds should be at least 1, but is {settings.score_seeds}")
+    if settings.out.is_file():
+        raise SettingsError(f"--out should name a folder, but {settings.out} is a file")
+    if not settings.resume and checkpoint.exists():
+        raise SettingsError(
+            f"{checkpoint} is left from an earlier run; go on from it with --resume, or remove it to begin anew"
+        )
+
+
+def _score(trained: TrainedPolicy, settings: TrainAgentSettings, plan: TrainingPlan) -> Score:
+    """Play the recorded score; whether actions are drawn or the likeliest taken is decided where training took place.
+
+    The seeds are others than those that chose the weights.
+    """
+    memories = memories_of(plan.judged_memory)
+    seeds = tuple(range(100, 100 + settings.score_seeds))
+    n_episodes = len(memories) * len(seeds)
+    with Display({"scoring": n_episodes * (2 + (settings.env != plan.env))}) as display:
+        played = [
+            score_policy(
+                trained, plan.env, memories, seeds, deterministic,
+                progress=lambda done, before=k * n_episodes: display.show("scoring", before + done),
+            )
+            for k, deterministic in enumerate((True, False))
+        ]  # fmt: skip
+        best = max(played, key=lambda score: score.mean)
+        if settings.env == plan.env:
+            return best
+        return score_policy(
+            trained, settings.env, memories, seeds, best.deterministic,
+            progress=lambda done: display.show("scoring", 2 * n_episodes + done),
+        )  # fmt: skip
+
+
+def _command(settings: TrainAgentSettings, plan: TrainingPlan) -> str:
+    """Return the command that trains this agent again, without the places of this machine."""
+    words = [f"creative-nao agent train {plan.hyperparameters.algorithm} --env {settings.env}"]
+    if plan.env != settings.env:
+        words.append(f"--train-env {plan.env}")
+    words.append(f"--seed {settings.seed} --timesteps {plan.hyperparameters.n_timesteps}")
+    if settings.conf_file is not None:
+        words.append(f"--conf-file {settings.conf_file.name}")
+    for field in dataclasses.fields(settings):
+        if field.name in ("memory", "validation_memory", "evaluation_interval", "score_seeds"):
+            value = getattr(settings, field.name)
+            if value != field.default:
+                words.append(f"--{field.name.replace('_', '-')} {value}")
+    return " ".join([*words, f"--out {settings.out.name}"])
+
+
+def _figures(header: BundleHeader, record: TrainingRecord, bundle: Path) -> dict[str, Any]:
+    assert header.score is not None
+    low, high = header.score.interval
+    return {
+        "bundle": str(bundle),
+        "agent": header.agent,
+        "env": header.score.env,
+        "seed": header.seed,
+        "n_decisions": header.n_actions_training,
+        "deterministic": header.score.deterministic,
+        "validation_reward": {"mean": header.score.mean, "low": low, "high": high},
+        "untrained_reward": float(np.mean(record.evaluations[0])),
+        "n_episodes": len(header.score.episodes),
+    }
+
+
+def _print(figures: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(figures))  # noqa: T201 - the command's output
+        return
+    reward = figures["validation_reward"]
+    how = "likeliest actions" if figures["deterministic"] else "drawn actions"
+    print(f"{figures['bundle']}: {figures['agent']}, {figures['n_decisions']} decisions, {how}")  # noqa: T201
+    print(  # noqa: T201
+        f"reward on validation memories in {figures['env']}: {reward['mean']:.2f} "
+        f"({reward['low']:.2f} to {reward['high']:.2f}), {figures['n_episodes']} episodes; "
+        f"untrained {figures['untrained_reward']:.2f}"
+    )

@@ -1,0 +1,212 @@
+"""Training: decided by its seed, resumable bit for bit, never on test memories; bundles replay their score."""
+
+import dataclasses
+import threading
+
+import numpy as np
+import pytest
+
+from creative_nao.agents import BundleHeader, TrainedPolicy, load_agent, make_agent, save_bundle
+from creative_nao.agents.algorithms import ALGORITHMS
+from creative_nao.agents.hyperparameters import check_entry
+from creative_nao.agents.judging import play_episodes
+from creative_nao.agents.replay import replay, score_policy
+from creative_nao.agents.training import TrainingPlan, train_agent
+from creative_nao.agents.training_record import KIND
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.tensorfile import load_tensors, save_tensors
+
+ENV = "CreativeNao/BoxingMental-v0"
+ON = {"n_timesteps": 240, "n_envs": 2, "n_steps": 30, "batch_size": 30, "n_epochs": 2}
+OFF = {
+    "n_timesteps": 120,
+    "n_envs": 2,
+    "learning_starts": 30,
+    "batch_size": 16,
+    "buffer_size": 200,
+    "learning_rate": 0.01,
+}
+NETS = {"net_arch": [8]}
+ENTRIES = {
+    "ppo": {**ON, "policy_kwargs": NETS, "learning_rate": "lin_0.01"},
+    "sac": {**OFF, "policy_kwargs": NETS},
+    "td3": {**OFF, "policy_kwargs": NETS, "noise_type": "normal", "noise_std": 0.3},
+    "recurrent_ppo": {**ON, "policy_kwargs": {**NETS, "lstm_hidden_size": 4}},
+    "tqc": {**OFF, "policy_kwargs": {**NETS, "n_quantiles": 5}},
+    "crossq": {**OFF, "policy_kwargs": NETS},
+}
+
+
+def plan(algorithm, **changes):
+    chosen = check_entry(algorithm, ENTRIES[algorithm], "test")
+    values = {"evaluation_interval": 60, "checkpoint_interval": 60, "judged_seeds": (0,), "judged_memory": "half/10"}
+    return TrainingPlan(chosen, env=ENV, judged_env=ENV, memory="train", **{**values, **changes})
+
+
+def interrupted(chosen, checkpoint, at):
+    """Train until `at` decisions are made, as Ctrl-C would end it."""
+    stop = threading.Event()
+
+    def watch(_, done):
+        if done >= at:
+            stop.set()
+
+    with pytest.raises(KeyboardInterrupt):
+        train_agent(chosen, checkpoint=checkpoint, progress=watch, stop=stop)
+
+
+def state_of(path):
+    header, arrays = load_tensors(path, kind=KIND)
+    header["state"]["episodes"] = [one[:2] for one in header["state"]["episodes"]]  # the third is the time of day
+    return header, arrays
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_a_resumed_training_equals_an_uninterrupted_one_bit_for_bit(algorithm, tmp_path):
+    chosen = plan(algorithm)
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    straight, record = train_agent(chosen, checkpoint=whole)
+    interrupted(chosen, broken, at=90)
+    stopped_at = state_of(broken)[0]["state"]["num_timesteps"]
+    assert 0 < stopped_at < chosen.hyperparameters.n_timesteps
+
+    resumed, again = train_agent(chosen, checkpoint=broken, resume=True)
+
+    assert again.evaluations == record.evaluations
+    assert again.episode_rewards == record.episode_rewards
+    for name, tensor in straight.state_dict().items():
+        assert np.array_equal(tensor, resumed.state_dict()[name]), name
+    one, other = state_of(whole), state_of(broken)
+    assert one[0] == other[0]
+    assert one[1].keys() == other[1].keys()
+    for name, array in one[1].items():
+        assert np.array_equal(array, other[1][name]), name
+
+
+def test_state_dependent_noise_is_resumed_too(tmp_path):
+    entry = {**ENTRIES["ppo"], "use_sde": True}
+    chosen = dataclasses.replace(plan("ppo"), hyperparameters=check_entry("ppo", entry, "test"))
+    _, record = train_agent(chosen)
+    interrupted(chosen, tmp_path / "broken", at=90)
+    assert train_agent(chosen, checkpoint=tmp_path / "broken", resume=True)[1].episode_rewards == record.episode_rewards
+
+
+def test_the_seed_decides_the_training():
+    records = [train_agent(plan("sac", seed=seed))[1] for seed in (1, 1, 2)]
+    assert records[0].episode_rewards == records[1].episode_rewards
+    assert records[0].episode_rewards != records[2].episode_rewards
+
+
+def test_the_best_weights_are_kept():
+    policy, record = train_agent(plan("ppo"))
+    best = int(np.argmax([np.mean(one) for one in record.evaluations]))
+    assert len(record.evaluations) == 5
+    from creative_nao.agents import PolicyAgent
+
+    played = play_episodes(PolicyAgent(policy, deterministic=False), ENV, ["half/10"], [0])
+    assert (played[0].reward,) == record.evaluations[best]
+
+
+def test_a_checkpoint_of_another_plan_is_refused_by_name(tmp_path):
+    path = tmp_path / "checkpoint"
+    train_agent(plan("ppo"), checkpoint=path)
+    with pytest.raises(SettingsError, match="of a training with another `seed`; give the same settings"):
+        train_agent(plan("ppo", seed=7), checkpoint=path, resume=True)
+
+
+def test_a_damaged_checkpoint_is_named(tmp_path):
+    path = tmp_path / "checkpoint"
+    train_agent(plan("ppo"), checkpoint=path)
+    header, arrays = load_tensors(path, kind=KIND)
+    del arrays["state.env.1.observation"]
+    save_tensors(path, kind=KIND, header=header, tensors=arrays)
+    with pytest.raises(FileFormatError, match="training state: its environments do not fit this training"):
+        train_agent(plan("ppo"), checkpoint=path, resume=True)
+
+
+@pytest.mark.parametrize("memory", ["test", "half/12"])
+def test_no_training_sees_a_test_memory(memory):
+    with pytest.raises(SettingsError, match=f"`memory` should not be of the test part of the bank, but is `{memory}`"):
+        dataclasses.replace(plan("ppo"), memory=memory)
+    with pytest.raises(SettingsError, match="`judged_memory` should not be of the test part"):
+        dataclasses.replace(plan("ppo"), judged_memory=memory)
+
+
+@pytest.fixture(params=sorted(ALGORITHMS))
+def scored_bundle(request, tmp_path):
+    chosen = plan(request.param)
+    policy, _ = train_agent(chosen)
+    header = BundleHeader(
+        request.param, chosen.hyperparameters, ENV, "train", 0, 240, policy.observation_space, policy.action_space,
+        command="the command",
+    )  # fmt: skip
+    score = score_policy(TrainedPolicy(header, policy), ENV, ("half/10", "open/10"), (0, 1), deterministic=False)
+    return save_bundle(tmp_path / "agent", dataclasses.replace(header, score=score), policy)
+
+
+def test_a_bundle_replays_its_recorded_score_exactly(scored_bundle):
+    loaded = load_agent(scored_bundle)
+    assert loaded.header.score is not None
+    assert loaded.header.command == "the command"
+    assert replay(loaded) == loaded.header.score
+    agent = make_agent(loaded.header.agent, scored_bundle)
+    assert make_agent(str(scored_bundle)).name == agent.name == loaded.header.agent
+    assert not agent.deterministic
+    with load_agent_changed(loaded):
+        assert replay(loaded) != loaded.header.score
+
+
+class load_agent_changed:  # noqa: N801 - used like a function
+    """While inside, the policy's weights are others: shows that the replay can fail."""
+
+    def __init__(self, loaded):
+        self.loaded = loaded
+
+    def __enter__(self):
+        self.kept = {k: v.clone() for k, v in self.loaded.policy.state_dict().items()}
+        self.loaded.policy.load_state_dict({k: v + 0.5 for k, v in self.kept.items()})
+
+    def __exit__(self, *_):
+        self.loaded.policy.load_state_dict(self.kept)
+
+
+def test_a_bundle_without_a_score_says_so(tmp_path):
+    chosen = plan("ppo")
+    policy, _ = train_agent(chosen)
+    spaces = policy.observation_space, policy.action_space
+    path = save_bundle(
+        tmp_path / "a", BundleHeader("ppo", chosen.hyperparameters, ENV, "train", 0, 240, *spaces), policy
+    )
+    with pytest.raises(SettingsError, match="this bundle records no score to replay"):
+        replay(load_agent(path))
+
+
+def test_a_wrong_shipped_name_brings_what_ships():
+    with pytest.raises(NotFoundError, match=r"no agent bundle file at ppo/BoxingMetal-v0.*shipped are"):
+        make_agent("ppo/BoxingMetal-v0")
+
+
+def centre():
+    class Centre:
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            return np.zeros(2, np.float32), None
+
+    return Centre()
+
+
+def test_a_factory_of_one_s_own_plays(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "my_agents", sys.modules[__name__])
+    agent = make_agent("my_agents:centre")
+    assert agent.name == "my_agents:centre"
+    assert play_episodes(agent, ENV, ["half/10"], [0])[0].reward >= 0.0
+    with pytest.raises(NotFoundError, match="no agent factory `my_agents:corner`"):
+        make_agent("my_agents:corner")
+    with pytest.raises(SettingsError, match="should return an Agent or a policy"):
+        make_agent("builtins:dict")
+
+
+def test_an_unknown_environment_brings_the_nearest():
+    with pytest.raises(NotFoundError, match=r"no environment `CreativeNao/Boxin-v0` \(did you mean"):
+        play_episodes(make_agent("random"), "CreativeNao/Boxin-v0", ["half/10"], [0])
