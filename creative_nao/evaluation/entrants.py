@@ -7,18 +7,22 @@ from pathlib import Path
 from creative_nao.agents.adapters import PolicyAgent
 from creative_nao.agents.base import Agent
 from creative_nao.agents.bundle import load_bundle
-from creative_nao.agents.registry import NAMES, TRAINED, make_agent
+from creative_nao.agents.registry import NAMES, TRAINED, UNTRAINED, make_agent
+from creative_nao.agents.shipped import shipped_agents
 from creative_nao.errors import NotFoundError, nearest_name
+
+PPO = "ppo"
+"""The one agent that a suite trains itself, where it names it without a bundle."""
 
 
 def trained_here(name: str) -> bool:
     """Return whether an entrant is trained by the suite itself, on the memory on which it is judged."""
-    return name in TRAINED
+    return name == PPO
 
 
 def in_bundle(name: str) -> bool:
     """Return whether an entrant comes out of a bundle that was trained before."""
-    return name not in NAMES and Path(name).is_file()
+    return name not in NAMES and (name in shipped_agents() or Path(name).is_file())
 
 
 def check_entrant(name: str) -> str:
@@ -27,10 +31,16 @@ def check_entrant(name: str) -> str:
     Raises:
         NotFoundError: If it is neither an agent nor a bundle; the message offers the nearest name.
     """
-    if name in NAMES or in_bundle(name):
+    if name in UNTRAINED or trained_here(name) or in_bundle(name):
         return name
+    if name in TRAINED:
+        raise NotFoundError(
+            f"agent `{name}` takes part out of a bundle, such as `{name}/BoxingMental-v0` or a file of "
+            f"`creative-nao agent train {name}`"
+        )
+    known = (*UNTRAINED, PPO, *shipped_agents())
     raise NotFoundError(
-        f"no agent `{name}`{nearest_name(name, NAMES)}; there are: {', '.join(NAMES)}, and bundle files"
+        f"no agent `{name}`{nearest_name(name, known)}; there are: {', '.join(known)}, and bundle files"
     )
 
 
@@ -49,7 +59,7 @@ def make_entrant(name: str, bundle: Path | None = None) -> Agent:
     if not in_bundle(name):
         return make_agent(name, bundle)
     trained = load_bundle(name)
-    return PolicyAgent(trained, deterministic=trained.header.settings.deterministic, name=name)
+    return PolicyAgent(trained, deterministic=trained.header.deterministic, name=name)
 
 
 def actions_before(name: str) -> int:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from creative_nao import atomic
+from creative_nao.agents.shipped import find_bundle
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.entrants import in_bundle
 from creative_nao.evaluation.suites import Suite
@@ -78,7 +79,7 @@ def memory_hashes(suite: Suite) -> dict[str, str]:
 
     Names that only an environment knows are left out, and so are memories that the suite itself trains.
     """
-    found = {name: sha256(Path(name)) for name in suite.agents if in_bundle(name)}
+    found = {name: sha256(find_bundle(name)) for name in suite.agents if in_bundle(name)}
     if suite.taught is not None and suite.taught.demonstrations is not None:
         folder = Path(suite.taught.demonstrations)
         found |= {str(path): sha256(path) for path in sorted(folder.glob("*.csv"))}
