@@ -22,6 +22,7 @@ COMMANDS = {
     "infer": ("infer", "InferSettings", "find the point of a memory's PB space that makes a recorded movement"),
     "export": ("export", "ExportSettings", "write a movement for a robot, another program, or as a film"),
     "agent": ("agent", "AgentSettings", "train, tune and run agents that learn to explore a memory"),
+    "explore": ("explore", "ExploreSettings", "touch a memory in the browser and watch the robot do what is there"),
     "evaluate": ("evaluate", "EvaluateSettings", "compare agents on a suite; ends with a table and a report"),
     "memories": ("memories", "MemoriesSettings", "list the shipped memories"),
     "doctor": ("doctor", "DoctorSettings", "say what this machine can do"),

@@ -1,0 +1,85 @@
+"""`creative-nao explore`: a page on which a person touches a memory and the robot performs what is there."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tyro
+
+from creative_nao.errors import FileFormatError, MissingDependencyError, NotFoundError, SettingsError
+from creative_nao.model import load_memory
+
+INSTALL = 'pip install "creative-nao[explore]"'
+MAX_CROWD = 5000
+
+
+@dataclass(frozen=True)
+class ExploreSettings:
+    """Open a memory in the browser: click or drag on its map and the NAO performs what is there."""
+
+    memory: tyro.conf.Positional[str] = "half/0"
+    """Shipped name, such as half/0, or a memory file."""
+    port: int = 8765
+    """Port to listen on."""
+    host: str = "127.0.0.1"
+    """Address to listen on; with 0.0.0.0 other machines can reach the page, which has no password."""
+    open: bool = True
+    """Open the page in your browser."""
+    resolution: int = 200
+    """Points along each axis of the map."""
+    run: Path | None = None
+    """Run folder of `evaluate` whose agents' choices are laid over the map."""
+    session: Path | None = None
+    """JSON file of the favourites; default: one of this user."""
+
+
+def run(settings: ExploreSettings) -> int:
+    """Serve the page until Ctrl-C."""
+    if not 1 <= settings.port <= 65535:
+        raise SettingsError(f"--port should be from 1 to 65535, but is {settings.port}")
+    memory = load_memory(settings.memory)
+    try:
+        from creative_nao.explorer.server import Exhibit, claim_port, serve
+    except ImportError as error:
+        raise MissingDependencyError(f"the explorer needs {error.name or 'NiceGUI'}: {INSTALL}") from error
+    from creative_nao.explorer.charting import Charting
+    from creative_nao.explorer.mind import Mind
+    from creative_nao.explorer.session import Session, default_path
+    from creative_nao.explorer.stage import Stage
+
+    claim_port(settings.host, settings.port)
+    crowd = None if settings.run is None else choices(settings.run)
+    session = Session(settings.session or default_path())
+    exhibit = Exhibit(Mind(memory), Charting(memory, settings.resolution), Stage(), session, crowd)
+    print(f"the memory {settings.memory} is at http://{settings.host}:{settings.port}/  (Ctrl-C ends)")  # noqa: T201
+    if settings.host not in ("127.0.0.1", "localhost", "::1"):
+        print("warning: other machines can reach this page, and it asks nobody for a password", file=sys.stderr)  # noqa: T201
+    sys.stdout.flush()
+    serve(exhibit, host=settings.host, port=settings.port, show=settings.open)
+    return 0
+
+
+def choices(folder: Path) -> np.ndarray:
+    """Return the PB points that the agents of a run folder chose, shape (n, 2), at most the first 5,000.
+
+    Raises:
+        NotFoundError: If the folder has no episodes.
+        FileFormatError: If they cannot be read.
+    """
+    path = folder / "episodes.csv"
+    if not path.is_file():
+        raise NotFoundError(f"no {path}; --run takes a folder that `creative-nao evaluate` wrote")
+    try:
+        with open(path, newline="", encoding="utf-8") as stream:
+            rows = [
+                (float(row["pb_1"]), float(row["pb_2"]))
+                for row, _ in zip(csv.DictReader(stream), range(MAX_CROWD), strict=False)
+            ]
+    except (KeyError, ValueError, TypeError) as error:
+        raise FileFormatError(f"{path}: the columns pb_1 and pb_2 cannot be read: {error}") from error
+    points = np.array(rows, dtype=np.float64).reshape(-1, 2)
+    return points[(np.abs(points) <= 1).all(axis=1)]

@@ -1,0 +1,62 @@
+"""Serving the explorer: one memory, this machine only unless told otherwise."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+
+from nicegui import app, ui
+
+from creative_nao.errors import SettingsError
+from creative_nao.explorer.page import Exhibit, Tab, points_of
+from creative_nao.explorer.security import LOCAL_HOSTS, LocalOnly
+
+RECONNECT_S = 30.0
+"""How long a tab that has gone quiet, such as a sleeping laptop's, is waited for before its memory is freed."""
+
+
+def mount(exhibit: Exhibit) -> None:
+    """Register the page. Importing registers nothing."""
+
+    @ui.page("/")
+    def page(x: str = "0", y: str = "0", path: str = "") -> None:
+        tab = Tab(exhibit)
+        tab.build()
+        wanted = points_of(x, y, path)
+        ui.timer(0, lambda: tab.show(wanted, keep=False), once=True)
+
+
+def claim_port(host: str, port: int) -> None:
+    """Make sure that the port is free.
+
+    Raises:
+        SettingsError: If it is not, or may not be used.
+    """
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((host, port))
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SettingsError(f"port {port} on {host} cannot be used: {reason}; choose another with --port") from error
+
+
+def serve(exhibit: Exhibit, *, host: str, port: int, show: bool) -> None:
+    """Serve until Ctrl-C.
+
+    Args:
+        exhibit: What to show.
+        host: Address to listen on; only with another than 127.0.0.1 can other machines reach the page.
+        port: Port to listen on.
+        show: Open the page in the user's browser.
+    """
+    mount(exhibit)
+    if host in LOCAL_HOSTS:
+        app.add_middleware(LocalOnly)
+    exhibit.charting.start()
+    with contextlib.suppress(KeyboardInterrupt):
+        ui.run(
+            host=host, port=port, show=show, reload=False, show_welcome_message=False, title="Memory explorer",
+            reconnect_timeout=RECONNECT_S,
+        )  # fmt: skip

@@ -1,0 +1,94 @@
+"""Favourites in a file that outlives the server: JSON, replaced in one step, checked when read."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from creative_nao import atomic
+from creative_nao.errors import FileFormatError, SettingsError
+
+FORMAT_VERSION = 1
+MAX_FILE_BYTES = 4_000_000
+MAX_FAVOURITES = 500
+MAX_POINTS = 200
+MAX_NOTE = 300
+
+
+@dataclass(frozen=True)
+class Favourite:
+    """A movement to come back to: its memory's content hash, its points and a note."""
+
+    memory: str
+    points: tuple[tuple[float, float], ...]
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the fields, which may come from a file."""
+        points = np.asarray(self.points, dtype=np.float64)
+        fits = points.ndim == 2 and points.shape[1:] == (2,) and 1 <= len(points) <= MAX_POINTS
+        if not fits or not (np.abs(points) <= 1).all():
+            raise SettingsError("`points` of a favourite should be 1 to 200 pairs of numbers in [-1, 1]")
+        if not isinstance(self.note, str) or len(self.note) > MAX_NOTE or not isinstance(self.memory, str):
+            raise SettingsError(f"`note` of a favourite should be text of at most {MAX_NOTE} characters")
+        object.__setattr__(self, "points", tuple((float(a), float(b)) for a, b in points))
+
+
+def default_path() -> Path:
+    """Return the session file of this user."""
+    base = os.environ.get("XDG_DATA_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".local" / "share"
+    return Path(base) / "creative_nao" / "explorer.json"
+
+
+class Session:
+    """The favourites of all memories in one file; every change is written at once.
+
+    Args:
+        path: The file; it need not exist.
+
+    Raises:
+        FileFormatError: If it exists and is no session of ours.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = threading.Lock()
+        self._favourites = _read(path) if path.exists() else []
+
+    def favourites(self, memory: str) -> list[Favourite]:
+        """Return those of one memory, oldest first."""
+        return [one for one in self._favourites if one.memory == memory]
+
+    def add(self, favourite: Favourite) -> None:
+        """Keep one more; the oldest gives way when there are too many."""
+        with self._lock:
+            self._write([*self._favourites, favourite][-MAX_FAVOURITES:])
+
+    def remove(self, favourite: Favourite) -> None:
+        """Forget one."""
+        with self._lock:
+            self._write([one for one in self._favourites if one != favourite])
+
+    def _write(self, favourites: list[Favourite]) -> None:
+        content = {"format_version": FORMAT_VERSION, "favourites": [asdict(one) for one in favourites]}
+        atomic.write_text(self.path, json.dumps(content, indent=1) + "\n")
+        self._favourites = favourites
+
+
+def _read(path: Path) -> list[Favourite]:
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise FileFormatError(f"{path}: larger than {MAX_FILE_BYTES} bytes; not a session of the explorer")
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["format_version"] != FORMAT_VERSION:
+            raise FileFormatError(f"{path}: session format {content['format_version']!r}, expected {FORMAT_VERSION}")
+        return [Favourite(one["memory"], one["points"], one["note"]) for one in content["favourites"]][-MAX_FAVOURITES:]
+    except FileFormatError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FileFormatError(f"{path}: not a session of the explorer: {error}; move it away to begin anew") from error

@@ -1,0 +1,43 @@
+"""One server and one browser for all tests of the page."""
+
+import pytest
+from visiting import CHROMIUM, FLAGS, Server, Visit
+
+
+@pytest.fixture(scope="package")
+def server(tmp_path_factory):
+    running = Server(tmp_path_factory.mktemp("explorer"))
+    yield running
+    running.stop()
+
+
+@pytest.fixture(scope="package")
+def playwright_run():
+    if CHROMIUM is None:
+        pytest.skip("no Chromium; install your distribution's package `chromium`")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as running:
+        yield running
+
+
+@pytest.fixture(scope="package")
+def browser(playwright_run):
+    opened = playwright_run.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def visit(browser):
+    """Open tabs that are closed, and must be without fault, at the end of the test."""
+    opened = []
+
+    def open_tab(url, **options):
+        opened.append(Visit(browser, url, **options))
+        return opened[-1]
+
+    yield open_tab
+    for one in opened:
+        one.context.close()
+        assert not one.errors

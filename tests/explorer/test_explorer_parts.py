@@ -1,0 +1,178 @@
+"""The parts of the explorer that need no browser."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from creative_nao.cli.explore import choices
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError
+from creative_nao.exchange import FORMATS
+from creative_nao.explorer import Mind, cached_map, discover, recordings
+from creative_nao.explorer.curves import curves_svg
+from creative_nao.explorer.map_view import COLOURINGS, SIZE, map_picture, overlay, to_pb, to_pixel
+from creative_nao.explorer.maps import cache_path, content_hash
+from creative_nao.explorer.mind import as_coordinate
+from creative_nao.explorer.security import is_welcome
+from creative_nao.explorer.session import Favourite, Session
+from creative_nao.explorer.words import describe
+from creative_nao.model import load_memory
+from creative_nao.pb_space import pb_map
+
+
+@pytest.fixture(scope="module")
+def mind():
+    return Mind(load_memory("half/0"))
+
+
+@pytest.fixture(scope="module")
+def chart(mind):
+    return pb_map(mind.memory, 20)
+
+
+def test_a_recall_is_what_the_memory_generates(mind):
+    point = np.array([[0.2, -0.3]])
+    recall = mind.recall(point)
+    np.testing.assert_array_equal(recall.trajectory, mind.memory.generate(point)[0])
+    assert len(mind.recall(np.array([[0.0, 0.0], [0.5, 0.5]])).points) == 2
+    with pytest.raises(ShapeError, match=r"lie in \[-1, 1\]"):
+        mind.recall(np.array([[np.nan, 0.0]]))
+
+
+def test_words_tell_why_a_movement_is_inappropriate(mind, chart):
+    fast = chart.pb[chart.outcome == "fluctuating"][:1]
+    text = describe(mind.recall(fast), mind)
+    assert "inappropriate, too fast for the motors" in text
+    speed, limit = map(float, re.search(r"reaches ([\d.]+) rad/s at [\d.]+ s, the limit is ([\d.]+)", text).groups())
+    assert speed >= limit
+    assert "appropriate, like a basic action; nearest C left hook" in describe(mind.recall(mind.memory.pb[2:3]), mind)
+
+
+def test_overspeed_is_marked_in_the_curves(mind, chart):
+    assert "cn-overspeed" in curves_svg(mind.recall(chart.pb[chart.outcome == "fluctuating"][:1]), mind)
+    calm = curves_svg(mind.recall(mind.memory.pb[:1]), mind)
+    assert "cn-overspeed" not in calm
+    assert calm.count("<svg") == 8
+
+
+def test_the_cached_map_is_the_computed_one_and_a_torn_file_is_computed_again(mind, monkeypatch, tmp_path):
+    monkeypatch.setenv("CREATIVE_NAO_CACHE", str(tmp_path))
+    first = cached_map(mind.memory, 12)
+    path = cache_path(mind.memory, 12)
+    assert path.is_file()
+    np.testing.assert_array_equal(cached_map(mind.memory, 12).distance, first.distance)
+    path.write_bytes(b"torn")
+    np.testing.assert_array_equal(cached_map(mind.memory, 12).distance, first.distance)
+    assert content_hash(mind.memory) != content_hash(load_memory("half/1"))
+
+
+def test_pixels_and_pb_points_are_each_others_reverse():
+    for pb in ((-1.0, -1.0), (1.0, 1.0), (0.25, -0.5)):
+        assert to_pb(*to_pixel(pb, 200), 200) == pytest.approx(pb, abs=5e-4)
+    assert to_pb(0, 0, 200) == (-1.0, 1.0)
+
+
+@pytest.mark.parametrize("colouring", COLOURINGS)
+def test_every_colouring_draws_the_whole_map(chart, colouring):
+    picture = np.asarray(map_picture(chart, colouring))
+    assert picture.shape == (SIZE, SIZE, 3)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 3
+
+
+def test_an_unknown_colouring_names_the_nearest(chart):
+    with pytest.raises(NotFoundError, match="did you mean `novelty`"):
+        map_picture(chart, "noveltie")
+
+
+def test_the_overlay_has_a_letter_for_each_action_and_a_line_for_a_path(chart):
+    svg = overlay(chart, np.array([[0.0, 0.0], [0.5, 0.5]]), crowd=np.zeros((3, 2)))
+    assert [f">{letter}</text>" in svg for letter in "ABCDEF"] == [True] * 6
+    assert svg.count("<polyline") == 2
+    assert svg.count('r="4"') == 3
+
+
+def test_a_surprise_is_new_and_appropriate(chart):
+    rng = np.random.default_rng(0)
+    for find in (
+        lambda: discover.surprise(chart, rng),
+        lambda: discover.more_like(chart, np.array([[0.3, 0.3]]), rng),
+        lambda: discover.less_like(chart, np.array([[0.3, 0.3]]), rng),
+    ):
+        cell = int(np.flatnonzero((chart.pb == find()).all(axis=1))[0])
+        assert chart.outcome[cell] in ("learned", "unlearned")
+    near = np.linalg.norm(discover.more_like(chart, np.array([[0.3, 0.3]]), rng) - 0.3)
+    assert near < np.linalg.norm(discover.less_like(chart, np.array([[0.3, 0.3]]), rng) - 0.3)
+    again = [discover.surprise(chart, np.random.default_rng(5)).tolist() for _ in range(2)]
+    assert again[0] == again[1]
+
+
+@pytest.mark.parametrize("format_name", FORMATS)
+def test_every_format_goes_out_and_comes_back(mind, format_name):
+    recall = mind.recall(mind.memory.pb[:1])
+    name, content, _ = recordings.export(recall, mind, format_name)
+    back = recordings.read_upload(name, content, mind.memory.dt_s)
+    start = len(back.motion.angles) - len(
+        recall.trajectory
+    )  # formats for robots begin with the way to the first posture
+    assert start >= 0
+    assert recordings.read_upload(f"../../{name}", content, mind.memory.dt_s).format == format_name
+
+
+def test_an_upload_too_large_or_foreign_is_refused():
+    with pytest.raises(FileFormatError, match="may have 2000000 bytes"):
+        recordings.read_upload("a.csv", b"x" * 2_000_001, 0.15)
+    with pytest.raises(FileFormatError, match=r"recording\.csv"):
+        recordings.read_upload("/etc/passwd", b"root:x:0:0", 0.15)
+
+
+def test_favourites_survive_and_a_foreign_file_is_refused(tmp_path):
+    path = tmp_path / "deep" / "session.json"
+    session = Session(path)
+    session.add(Favourite("m", ((0.1, 0.2),), "one"))
+    session.add(Favourite("other", ((0.0, 0.0), (1.0, 1.0))))
+    again = Session(path)
+    assert again.favourites("m") == [Favourite("m", ((0.1, 0.2),), "one")]
+    again.remove(Favourite("m", ((0.1, 0.2),), "one"))
+    assert Session(path).favourites("m") == []
+    path.write_text(json.dumps({"format_version": 1, "favourites": [{"memory": "m", "points": [[9, 9]], "note": ""}]}))
+    with pytest.raises(FileFormatError, match="not a session of the explorer"):
+        Session(path)
+    with pytest.raises(SettingsError, match="at most 300"):
+        Favourite("m", ((0.0, 0.0),), "x" * 301)
+
+
+@pytest.mark.parametrize(
+    ("host", "origin", "welcome"),
+    [
+        (b"127.0.0.1:8765", None, True),
+        (b"localhost:8765", b"http://localhost:8765", True),
+        (b"[::1]:8765", None, True),
+        (b"evil.example:8765", None, False),
+        (b"127.0.0.1.evil.example", None, False),
+        (b"127.0.0.1:8765", b"http://evil.example", False),
+        (b"127.0.0.1:8765", b"http://127.0.0.1:9999", False),
+        (b"127.0.0.1:8765", b"null", False),
+        (b"[", None, False),
+        (b"", None, False),
+    ],
+)
+def test_only_our_own_pages_are_welcome(host, origin, welcome):
+    headers = [(b"Host", host)] + ([(b"origin", origin)] if origin else [])
+    assert is_welcome(headers) is welcome
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "", None, "x", [], "1e999"])
+def test_what_is_no_number_is_the_middle(value):
+    assert as_coordinate(value) == 0.0
+    assert as_coordinate("7") == 1.0
+
+
+def test_choices_of_a_run_folder(tmp_path):
+    with pytest.raises(NotFoundError, match="--run takes a folder"):
+        choices(tmp_path)
+    (tmp_path / "episodes.csv").write_text("step,pb_1,pb_2\n1,0.5,-0.5\n2,nan,0\n")
+    assert choices(tmp_path).tolist() == [[0.5, -0.5]]
+    (tmp_path / "episodes.csv").write_text("step\n1\n")
+    with pytest.raises(FileFormatError, match="pb_1 and pb_2"):
+        choices(tmp_path)
