@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from creative_nao.agents.registry import TRAINED, UNTRAINED
+from creative_nao.agents.registry import UNTRAINED
+from creative_nao.evaluation.entrants import trained_here
 from creative_nao.evaluation.protocol import ActionRecord, Episode
+from creative_nao.evaluation.result_page import verdict
 from creative_nao.evaluation.results import Measured
 from creative_nao.evaluation.suites import Suite
 from creative_nao.evaluation.tables import env_label
@@ -16,6 +18,8 @@ FEW_SEEDS = 10
 
 def findings(suite: Suite, results: Mapping[str, Any], measured: Measured) -> list[str]:
     """Return the answer in one sentence per environment and memory, what physics changes, and what the map holds."""
+    if len(suite.memories) > 1:
+        return _over_memories(suite, results, measured)
     lines = []
     for memory in suite.memories:
         for env in suite.envs:
@@ -32,10 +36,39 @@ def findings(suite: Suite, results: Mapping[str, Any], measured: Measured) -> li
     return lines
 
 
+def _over_memories(suite: Suite, results: Mapping[str, Any], measured: Measured) -> list[str]:
+    lines = []
+    for env in suite.envs:
+        entries = sorted(
+            (entry for entry in results["summary"] if entry["env"] == env), key=lambda entry: -entry["reward"]["mean"]
+        )
+        told = ", ".join(f"{e['agent']} {e['reward']['mean']:.1f}{_interval(e['reward'])}" for e in entries)
+        lines.append(
+            f"In the {env_label(env)} environment, over {len(suite.memories)} memories, the reward is: {told}."
+        )
+        compared = [entry for entry in entries if entry["versus"] is not None]
+        if compared:
+            words = {word: [e["agent"] for e in compared if verdict(e) == word] for word in VERDICTS}
+            parts = [f"{text}: {', '.join(words[word])}" for word, text in VERDICTS.items() if words[word]]
+            lines.append(
+                f"Compared with {results['baseline']}, allowing for other memories of the same kind, {'; '.join(parts)}."
+            )
+    for memory in suite.memories:
+        lines += _physics(suite, measured, memory)
+    best = [sum(oracle.rewards) for oracle in measured.oracles.values()]
+    lines.append(
+        f"The oracle earns {min(best):.1f} to {max(best):.1f} with {suite.n_actions} actions, depending on the memory."
+    )
+    return lines
+
+
+VERDICTS = {"ahead": "ahead are", "open": "not to be told apart are", "behind": "behind are"}
+
+
 def limits(suite: Suite) -> list[str]:
     """Return what the results do not show."""
     lines = []
-    if trained := [agent for agent in suite.agents if agent in TRAINED]:
+    if trained := [agent for agent in suite.agents if trained_here(agent)]:
         names = " and ".join(trained)
         lines.append(
             f"{names} is judged on the very memory it was trained on. It may have learned that map by heart; "
@@ -125,7 +158,7 @@ def _physics(suite: Suite, measured: Measured, memory: str) -> list[str]:
             continue
         imagined, performed = (
             # Agents that look at no results choose the same in both.
-            [e for e in measured.episodes if (e.memory, e.env) == (memory, which) and e.agent in UNTRAINED]
+            [e for e in measured.episodes if (e.memory, e.env) == (memory, which) and _is_blind(e.agent)]
             for which in (suite.oracle_envs[0], env)
         )
         pairs = zip(_actions(imagined), _actions(performed), strict=True)
@@ -138,6 +171,11 @@ def _physics(suite: Suite, measured: Measured, memory: str) -> list[str]:
             f"robot's body refused {usable.count(False)}; performed, the same choices earn {change:+.1f} %."
         )
     return lines
+
+
+def _is_blind(agent: str) -> bool:
+    """Return whether an agent chooses without looking at results, so that it plays the same points everywhere."""
+    return agent in UNTRAINED and not UNTRAINED[agent]().learns_within_episode
 
 
 def _actions(episodes: list[Episode]) -> list[ActionRecord]:

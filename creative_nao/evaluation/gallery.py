@@ -10,7 +10,7 @@ from typing import Any
 import matplotlib
 from matplotlib.figure import Figure
 
-from creative_nao.evaluation import map_plot, plots
+from creative_nao.evaluation import film, map_plot, plots, summary_plots
 from creative_nao.evaluation.drawing import STYLE, save
 from creative_nao.evaluation.jobs import slug
 from creative_nao.evaluation.results import Measured
@@ -23,6 +23,33 @@ MAX_SHOWN = 3
 """Most memories that are drawn one by one; the figures over all memories and the result file hold the others."""
 
 CAPTIONS = {
+    "standing": (
+        "Who earns most, over all memories",
+        "The marker is the mean over all memories and seeds, the bar its 95 % interval, the upright line the mean "
+        "of the middle half of the episodes. The dashed line is the baseline: an agent whose bar lies right of it earns more.",
+    ),
+    "improvement": (
+        "How surely better than the baseline",
+        "Take an episode of the agent and one of the baseline on the same memory: so often does the agent's earn more. "
+        "At 50 % the two are equals.",
+    ),
+    "profiles": (
+        "How evenly",
+        "Share of all episodes, over all memories, that reach more than a given share of the oracle's reward. A curve "
+        "further to the right is better; one that falls steeply belongs to an agent that does about equally well "
+        "everywhere. Bands are 95 % intervals.",
+    ),
+    "regret": (
+        "What is left to find, action by action",
+        "How far the reward gathered stays behind that of the oracle with as many actions, on average over all "
+        "memories and seeds. Lower is better; the oracle itself would lie at zero.",
+    ),
+    "film": (
+        "What was found",
+        "The movements that earned most in the first episode of the agent with the highest mean, a row each, as the "
+        "memory imagines them: from the guard at the left through the first two and a half seconds. Above each stands "
+        "the taught action most like it, and how far the two are apart.",
+    ),
     "reward": (
         "Reward of each agent",
         "The large marker is the mean over seeds, the bar its 95 % interval, each small dot one seed. The dotted line "
@@ -89,11 +116,27 @@ def draw_pictures(
         charts: The map of each memory.
     """
     with matplotlib.rc_context(STYLE):
-        return [
+        overall = _draw_overall(suite, results, measured) if len(suite.memories) > 1 else {}
+        return [_keep(folder, suite, None, name, drawn) for name, drawn in overall.items()] + [
             _keep(folder, suite, memory, name, drawn)
             for memory in shown_memories(suite)
-            for name, drawn in _draw(suite, results, measured, memory, charts[memory]).items()
+            for name, drawn in (
+                _draw(suite, results, measured, memory, charts[memory])
+                | _draw_film(folder, suite, results, measured, memory)
+            ).items()
         ]
+
+
+def _draw_overall(suite: Suite, results: dict[str, Any], measured: Measured) -> dict[str, Figure]:
+    summary = results["summary"]
+    drawn = {"standing": summary_plots.standing(results)}
+    if any(entry["versus"] is not None for entry in summary):
+        drawn["improvement"] = summary_plots.improvement(results)
+    if any(entry["profile"] is not None and entry["agent"] != "oracle" for entry in summary):
+        drawn["profiles"] = summary_plots.profiles(results)
+    if set(suite.oracle_envs) & set(suite.envs):
+        drawn["regret"] = summary_plots.regret(suite, measured)
+    return drawn
 
 
 def _draw(suite: Suite, results: dict[str, Any], measured: Measured, memory: str, charted: PBMap) -> dict[str, Figure]:
@@ -109,10 +152,28 @@ def _draw(suite: Suite, results: dict[str, Any], measured: Measured, memory: str
     return drawn
 
 
-def _keep(folder: Path, suite: Suite, memory: str, name: str, drawn: Figure) -> Picture:
+def _draw_film(
+    folder: Path, suite: Suite, results: dict[str, Any], measured: Measured, memory: str
+) -> dict[str, Figure]:
+    """Draw what the best agent found, where the memory moves a NAO and this machine can draw it."""
+    env = suite.envs[0]
+    found = film.memory_of(memory, folder)
+    if found is None or "Modulation" in env:  # no single PB vector makes a modulated movement again
+        return {}
+    rows = [row for row in results["rows"] if (row["env"], row["memory"]) == (env, memory)]
+    best = max(rows, key=lambda row: row["reward"]["mean"])["agent"]
+    episode = next(e for e in measured.episodes if (e.env, e.memory, e.agent) == (env, memory, best))
+    drawn = film.film(found, episode)
+    return {} if drawn is None else {"film": drawn}
+
+
+def _keep(folder: Path, suite: Suite, memory: str | None, name: str, drawn: Figure) -> Picture:
+    """Write a figure of one memory, or with None of all."""
     title, caption = CAPTIONS[name]
     several = len(suite.memories) > 1
-    png = save(drawn, folder / "figures" / (f"{name}-{slug(memory)}.png" if several else f"{name}.png"))
-    # A map of 40,000 points is no drawing: its SVG would be many times as large.
-    path = png if name == "choices" else png.with_suffix(".svg")
-    return Picture(f"{title} (memory {memory})" if several else title, caption, path)
+    png = save(
+        drawn, folder / "figures" / (f"{name}-{slug(memory)}.png" if several and memory is not None else f"{name}.png")
+    )
+    # A map of 40,000 points and photographs are no drawings: their SVG would be many times as large.
+    path = png if name in ("choices", "film") else png.with_suffix(".svg")
+    return Picture(f"{title} (memory {memory})" if several and memory is not None else title, caption, path)

@@ -7,23 +7,25 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from creative_nao.evaluation.drawing import figure
-from creative_nao.evaluation.palette import INK
+from creative_nao.evaluation.palette import INK, agent_label
 from creative_nao.evaluation.results import Measured
 from creative_nao.evaluation.suites import Suite
 from creative_nao.pb_space import PBMap
 from creative_nao.pb_space.picture import draw_on, legend_handles
 
-N_COLUMNS = 2
+FEW = 3
+"""Most agents that are drawn on large maps, two in a row; more stand three in a row."""
 
 
 def choices(suite: Suite, measured: Measured, charted: PBMap, memory: str, env: str) -> Figure:
     """Draw the map once per agent with the PB vectors it chose: the first seed's large, the other seeds' small."""
-    n_rows = -(-(len(suite.agents) + 1) // N_COLUMNS)
-    drawn, axes = figure(8.6, 4.15 * n_rows + 0.8, n_rows, N_COLUMNS)
+    n_columns = 2 if len(suite.agents) <= FEW else 3
+    n_rows = -(-(len(suite.agents) + 1) // n_columns)
+    drawn, axes = figure(8.6, 8.3 / n_columns * n_rows + 0.8, n_rows, n_columns)
     for ax in axes[len(suite.agents) + 1 :]:
         ax.remove()
     for ax, agent in zip(axes, suite.agents, strict=False):
-        _ground(ax, charted, agent)
+        _ground(ax, charted, agent_label(agent))
         first, *others = [e for e in measured.episodes if (e.memory, e.env, e.agent) == (memory, env, agent)]
         for episode in others:
             points = np.array([[a.pb_1, a.pb_2] for a in episode.actions])
@@ -32,7 +34,7 @@ def choices(suite: Suite, measured: Measured, charted: PBMap, memory: str, env: 
             points = np.array([[a.pb_1, a.pb_2] for a in first.actions if a.appropriate == usable]).reshape(-1, 2)
             _large(ax, points, marker, size)
     ax = axes[len(suite.agents)]
-    _ground(ax, charted, "oracle (knows the whole map)")
+    _ground(ax, charted, "oracle (knows the map)")
     _large(ax, np.array(measured.oracles[memory].pb).reshape(-1, 2), "o", 44)
     drawn.legend(handles=legend_handles(charted), loc="outside lower center", ncols=3, fontsize=9)
     return drawn

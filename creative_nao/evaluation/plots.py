@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from creative_nao.evaluation.drawing import figure
-from creative_nao.evaluation.palette import FAINT, INK, MARKERS, OUTCOMES, agent_colour
+from creative_nao.evaluation.palette import FAINT, INK, OUTCOMES, agent_colour, agent_label, agent_marker
 from creative_nao.evaluation.protocol import Episode
 from creative_nao.evaluation.results import Measured, Oracle
 from creative_nao.evaluation.suites import Suite
@@ -20,6 +20,9 @@ from creative_nao.evaluation.tables import env_label
 
 MAX_BINS = 40
 """Most points of a training curve; each is a mean over the episodes that ended in its stretch."""
+
+FEW = 4
+"""Most agents whose curves have bands, and room for a legend between them."""
 
 ORACLE = {"color": INK, "linestyle": (0, (1, 1.5)), "linewidth": 1.6}
 
@@ -39,14 +42,14 @@ def rewards(suite: Suite, results: Mapping[str, Any], measured: Measured, memory
                 ax.plot(
                     [reward["low"], reward["high"]], [place, place], color=colour, linewidth=4, solid_capstyle="round"
                 )
-            ax.plot(reward["mean"], place, MARKERS.get(agent, "o"), color="white", mec=colour, mew=2.2, ms=9)
+            ax.plot(reward["mean"], place, agent_marker(agent), color="white", mec=colour, mew=2.2, ms=9)
             ax.annotate(
                 f"{reward['mean']:.1f}", (reward["mean"], place), (0, 9), textcoords="offset points", ha="center"
             )
         if env in suite.oracle_envs:
             _oracle_line(ax, measured.oracles[memory])
         ax.set(title=f"{env_label(env)} environment", xlabel=f"reward of {suite.n_actions} actions")
-        ax.set_yticks(range(len(suite.agents)), list(reversed(suite.agents)))
+        ax.set_yticks(range(len(suite.agents)), [agent_label(agent) for agent in reversed(suite.agents)])
         ax.set_ylim(-0.55, len(suite.agents) - 0.4)
         ax.grid(axis="y", visible=False)
     _from_zero(axes, "x")
@@ -62,16 +65,22 @@ def cumulative(suite: Suite, measured: Measured, memory: str) -> Figure:
             gathered = np.array([[a.reward for a in e.actions] for e in _episodes(measured, memory, env, agent)])
             gathered = np.pad(np.cumsum(gathered, axis=1), ((0, 0), (1, 0)))
             colour = agent_colour(agent)
-            ax.fill_between(budget, gathered.min(axis=0), gathered.max(axis=0), color=colour, alpha=0.14, linewidth=0)
-            marks = {"marker": MARKERS.get(agent, "o"), "markevery": 5, "markersize": 5}
-            ax.plot(budget, gathered.mean(axis=0), color=colour, linewidth=2, label=agent, **marks)
+            if len(suite.agents) <= FEW:  # bands of many would hide one another
+                ax.fill_between(
+                    budget, gathered.min(axis=0), gathered.max(axis=0), color=colour, alpha=0.14, linewidth=0
+                )
+            marks = {"marker": agent_marker(agent), "markevery": 5, "markersize": 5}
+            ax.plot(budget, gathered.mean(axis=0), color=colour, linewidth=2, label=agent_label(agent), **marks)
         if env in suite.oracle_envs:
             best = np.cumsum([0.0, *measured.oracles[memory].rewards])
             ax.plot(np.arange(len(best)), best, label="oracle", **ORACLE)
         ax.set(title=f"{env_label(env)} environment", xlabel="actions generated", xlim=(0, suite.n_actions))
     _from_zero(axes, "y")
     axes[0].set_ylabel("reward so far")
-    axes[-1].legend(loc="upper left")
+    if len(suite.agents) > FEW:
+        axes[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    else:
+        axes[-1].legend(loc="upper left")
     return drawn
 
 
@@ -126,7 +135,7 @@ def outcomes(suite: Suite, measured: Measured, memory: str) -> Figure:
             fontsize=8.5,
         )
         left += share
-    ax.set_yticks(range(len(pairs)), [f"{agent}, {env_label(env)}" for env, agent in pairs])
+    ax.set_yticks(range(len(pairs)), [f"{agent_label(agent)}, {env_label(env)}" for env, agent in pairs])
     ax.invert_yaxis()
     ax.set(xlabel="share of the generated actions [%]", xlim=(0.0, 100.0))
     ax.grid(axis="y", visible=False)

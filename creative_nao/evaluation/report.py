@@ -10,13 +10,14 @@ from typing import Any
 import jinja2
 
 from creative_nao import atomic
+from creative_nao.evaluation.entrants import described
 from creative_nao.evaluation.findings import findings, limits, notes
 from creative_nao.evaluation.gallery import draw_pictures, shown_memories
 from creative_nao.evaluation.jobs import slug
 from creative_nao.evaluation.palette import agent_colour
 from creative_nao.evaluation.results import Measured
 from creative_nao.evaluation.suites import Suite
-from creative_nao.evaluation.tables import MEASURED_COLUMNS, cells, env_label
+from creative_nao.evaluation.tables import MEASURED_COLUMNS, SUMMARY_TITLES, cells, env_label, summary_cells
 from creative_nao.pb_space import PBMap
 
 
@@ -44,6 +45,9 @@ def write_report(
         several_memories=len(suite.memories) > 1,
         columns=MEASURED_COLUMNS,
         rows=[_row(row) for row in results["rows"]],
+        summary_titles=[title.replace("\n", " ") for title in SUMMARY_TITLES],
+        summary=[_summary(entry) for entry in results["summary"]],
+        others=[(agent, told) for agent in suite.agents if (told := described(agent))],
         findings=findings(suite, results, measured),
         limits=limits(suite),
         notes=notes(results),
@@ -61,4 +65,14 @@ def _row(row: Mapping[str, Any]) -> dict[str, Any]:
         "memory": row["memory"],
         "colour": agent_colour(row["agent"]),
         "cells": cells(row),
+    }
+
+
+def _summary(entry: Mapping[str, Any]) -> dict[str, Any]:
+    texts = [text.partition(" [") for text in summary_cells(entry)]
+    return {
+        "agent": entry["agent"],
+        "env": env_label(entry["env"]),
+        "colour": agent_colour(entry["agent"]),
+        "cells": [(figure, f"[{below}" if below else "") for figure, _, below in texts],
     }
