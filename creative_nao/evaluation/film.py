@@ -19,7 +19,7 @@ from creative_nao.model import Memory, load_memory
 if TYPE_CHECKING:
     from creative_nao.robot.scene import Scene
 
-N_ROWS = 5
+N_ROWS = 4
 """Finds that are shown: those that earned most."""
 TICKS = (0, 3, 5, 7, 9, 11, 13, 16)
 """Ticks that are drawn, the first punch or what stands in its place: a movement repeats itself after it."""
@@ -76,7 +76,7 @@ def _strip(move: np.ndarray, dt_s: float) -> np.ndarray:
     frames = imagined_frames(_scene(), move, dt_s, frame_dt_s=dt_s)
     chosen = frames[[min(tick, len(frames) - 1) for tick in TICKS]]
     width, height = SIZE_PX
-    images = pictures(_scene(), chosen, camera=CAMERA, width=width, height=height, smooth=2)
+    images = pictures(_scene(), chosen, camera=CAMERA, width=width, height=height)
     gap = np.full((height, 4, 3), 255, dtype=np.uint8)
     pieces = [piece for image in images for piece in (image, gap)]
     return np.concatenate(pieces[:-1], axis=1)
@@ -86,4 +86,4 @@ def _strip(move: np.ndarray, dt_s: float) -> np.ndarray:
 def _scene() -> Scene:
     from creative_nao.robot.scene import Scene
 
-    return Scene()
+    return Scene(with_bag=False)  # it would hide an arm

@@ -50,9 +50,8 @@ def _over_memories(suite: Suite, results: Mapping[str, Any], measured: Measured)
         if compared:
             words = {word: [e["agent"] for e in compared if verdict(e) == word] for word in VERDICTS}
             parts = [f"{text}: {', '.join(words[word])}" for word, text in VERDICTS.items() if words[word]]
-            lines.append(
-                f"Compared with {results['baseline']}, allowing for other memories of the same kind, {'; '.join(parts)}."
-            )
+            kind = "allowing for other memories of the same kind"
+            lines.append(f"Compared with {results['baseline']}, {kind}, {'; '.join(parts)}.")
     for memory in suite.memories:
         lines += _physics(suite, measured, memory)
     best = [sum(oracle.rewards) for oracle in measured.oracles.values()]

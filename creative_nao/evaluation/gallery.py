@@ -26,7 +26,8 @@ CAPTIONS = {
     "standing": (
         "Who earns most, over all memories",
         "The marker is the mean over all memories and seeds, the bar its 95 % interval, the upright line the mean "
-        "of the middle half of the episodes. The dashed line is the baseline: an agent whose bar lies right of it earns more.",
+        "of the middle half of the episodes. The dashed line is the baseline: an agent whose bar lies right "
+        "of it earns more.",
     ),
     "improvement": (
         "How surely better than the baseline",
@@ -120,10 +121,11 @@ def draw_pictures(
         return [_keep(folder, suite, None, name, drawn) for name, drawn in overall.items()] + [
             _keep(folder, suite, memory, name, drawn)
             for memory in shown_memories(suite)
-            for name, drawn in (
-                _draw(suite, results, measured, memory, charts[memory])
-                | _draw_film(folder, suite, results, measured, memory)
-            ).items()
+            for drawings in (
+                _draw(suite, results, measured, memory, charts[memory]),
+                _draw_film(folder, suite, results, measured, memory),
+            )
+            for name, drawn in drawings.items()
         ]
 
 
@@ -155,9 +157,9 @@ def _draw(suite: Suite, results: dict[str, Any], measured: Measured, memory: str
 def _draw_film(
     folder: Path, suite: Suite, results: dict[str, Any], measured: Measured, memory: str
 ) -> dict[str, Figure]:
-    """Draw what the best agent found, where the memory moves a NAO and this machine can draw it."""
+    """Draw what the best agent found on the first memory, where it moves a NAO and this machine can draw it."""
     env = suite.envs[0]
-    found = film.memory_of(memory, folder)
+    found = film.memory_of(memory, folder) if memory == suite.memories[0] else None
     if found is None or "Modulation" in env:  # no single PB vector makes a modulated movement again
         return {}
     rows = [row for row in results["rows"] if (row["env"], row["memory"]) == (env, memory)]

@@ -37,7 +37,7 @@ def teach(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
         command=f"creative-nao evaluate (memory {spec['memory']})",
     )
     memory.save(folder / spec["file"])
-    return {"memory": spec["memory"], "loss": min(memory.loss_history), "seconds": time.perf_counter() - start}
+    return {"memory": spec["memory"], "loss": float(min(memory.loss_history)), "seconds": time.perf_counter() - start}
 
 
 def _demonstrations(spec: dict[str, Any]) -> Demonstrations:
