@@ -2,8 +2,10 @@
 
 import re
 import shlex
+import shutil
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ from creative_nao.cli.dispatch import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+FILES = {".csv", ".safetensors", ".npz", ".motion", ".py", ".json", ".yaml"}
 TEXTS = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in PAGES}
 
 
@@ -28,16 +31,21 @@ def test_python_blocks_run(block, tmp_path):
     )
 
 
-def commands():
+def lines(text):
+    """Return the commands of a page's shell blocks, one by one, in order."""
+    for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL):
+        for line in block.splitlines():
+            yield from (part.strip() for part in re.split(r"&&|#", line) if part.strip())
+
+
+def commands(program):
     for name, text in TEXTS.items():
-        for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL):
-            for line in block.splitlines():
-                for part in re.split(r"&&|#", line):
-                    if part.strip().startswith("creative-nao"):
-                        yield pytest.param(shlex.split(part)[1:], id=f"{name}: {part.strip()}")
+        for line in lines(text):
+            if line.startswith(program):
+                yield pytest.param(shlex.split(line)[1:], id=f"{name}: {line}")
 
 
-@pytest.mark.parametrize("words", [*commands()])
+@pytest.mark.parametrize("words", [*commands("creative-nao")])
 def test_commands_in_the_documents_have_known_options(words):
     """The long ones are run elsewhere (tests/cli, tests/evaluation); here every flag must be one that --help tells."""
     assert words[0] in COMMANDS
@@ -47,6 +55,37 @@ def test_commands_in_the_documents_have_known_options(words):
     ).stdout
     for flag in (word for word in words if word.startswith("--")):
         assert flag in told
+
+
+@pytest.mark.parametrize("words", [*commands("python ")])
+def test_programs_in_the_documents_are_there_and_have_known_options(words):
+    """Examples are run by tests/test_examples.py; benchmarks and page makers by those who publish their figures."""
+    assert (ROOT / words[0]).is_file()
+    source = (ROOT / words[0]).read_text(encoding="utf-8")
+    for flag in (word for word in words if word.startswith("--")):
+        assert f'"{flag}"' in source
+
+
+def is_cheap(words, folder):
+    """Whether a command takes seconds, and every file that it reads is there."""
+    if words[0] not in {"memories", "score", "export", "infer"} or words[-1].endswith((".gif", ".mp4")):
+        return False
+    read = [word for before, word in pairwise(words) if before != "--out" and Path(word).suffix in FILES]
+    return all((folder / word).exists() for word in read)
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_the_cheap_commands_of_a_page_run_in_their_order(name, tmp_path):
+    for line in lines(TEXTS[name]):
+        words = shlex.split(line)
+        if line.startswith("creative-nao") and is_cheap(words[1:], tmp_path):
+            run = [sys.executable, "-m", "creative_nao", *words[1:]]
+        elif line.startswith("python examples/02"):
+            run = [sys.executable, str(ROOT / words[1]), *words[2:]]
+        else:
+            continue
+        result = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert result.returncode == 0, f"{line}: {result.stderr}"
 
 
 def test_the_two_commands_of_the_readme_are_those_that_are_tested():
@@ -74,3 +113,24 @@ def test_every_environment_is_documented():
     from creative_nao.envs import ENVIRONMENTS
 
     assert all(name in TEXTS["README.md"] for name in ENVIRONMENTS)
+
+
+def test_every_page_and_example_is_in_the_contents():
+    contents = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    for page in (ROOT / "docs").glob("*.md"):
+        assert f": {page.name}\n" in contents, page.name
+    for example in (ROOT / "examples").glob("*.py"):
+        assert f"`examples/{example.name}`" in TEXTS["docs/tutorials.md"], example.name
+
+
+def test_the_site_is_built_without_a_warning(tmp_path):
+    pytest.importorskip("zensical", reason="the site is built with the extra `docs`")
+    shutil.copytree(ROOT / "docs", tmp_path / "docs")
+    shutil.copy(ROOT / "mkdocs.yml", tmp_path)
+    result = subprocess.run(
+        [sys.executable, "-m", "zensical", "build", "--strict"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert (tmp_path / "site" / "index.html").is_file()

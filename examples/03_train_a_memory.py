@@ -1,0 +1,36 @@
+"""Train a memory on basic actions, look how well it gives them back, and map what else it holds.
+
+python examples/03_train_a_memory.py --out mine.safetensors
+python examples/03_train_a_memory.py --demonstrations my_actions --n-epochs 20000 --out mine.safetensors
+
+The paper trains for 100,000 epochs. On the command line: `creative-nao train`, which resumes after a crash.
+"""
+
+import argparse
+from pathlib import Path
+
+import creative_nao as cn
+
+parser = argparse.ArgumentParser()
+parser.add_argument("--demonstrations", type=Path, help="folder of CSV files; default: the six boxing actions")
+parser.add_argument("--closed-loop-ratio", type=float, default=0.5, help="0 open, 0.5 half closed, 1 closed loop")
+parser.add_argument("--n-epochs", type=int, default=20_000)
+parser.add_argument("--seed", type=int, default=0)
+parser.add_argument("--resolution", type=int, default=50, help="points along each axis of the map")
+parser.add_argument("--out", type=Path, default=Path("mine.safetensors"))
+chosen = parser.parse_args()
+
+demos = cn.load_demonstrations(chosen.demonstrations)
+memory = cn.train(demos, closed_loop_ratio=chosen.closed_loop_ratio, n_epochs=chosen.n_epochs, seed=chosen.seed)
+memory.save(chosen.out)
+print(f"{chosen.out}: loss {memory.best_loss:.3f} at epoch {memory.best_epoch}")
+
+returned = memory.generate(memory.pb)  # from each learned point, the action that was taught there
+for name, pb, taught, imagined in zip(demos.names, memory.pb, demos.trajectories, returned, strict=True):
+    place = ", ".join(f"{value:+.2f}" for value in pb)
+    print(f"  {name:<16} PB ({place}), comes back within {cn.measures.dtw(taught, imagined[: len(taught)]):.2f}")
+
+chart = cn.pb_map(memory, resolution=chosen.resolution)
+chart.plot(chosen.out.with_suffix(".png"))
+for outcome in cn.measures.OUTCOMES:
+    print(f"  {outcome:<12} {chart.share_pct(outcome):5.1f} %")

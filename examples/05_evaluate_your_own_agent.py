@@ -1,0 +1,58 @@
+"""Judge an agent of your own as the project judges its own: equal budgets, seeds, unseen memories, intervals.
+
+python examples/05_evaluate_your_own_agent.py
+
+An agent is a class with `choose`: an observation in, a PB point out. This one remembers what it tried and goes where it
+has not been. Anything with the `predict` of Stable-Baselines3 takes part through `creative_nao.agents.PolicyAgent`.
+`creative-nao evaluate leaderboard` compares the run folders of the suites.
+"""
+
+import argparse
+
+import gymnasium as gym
+import numpy as np
+
+import creative_nao  # noqa: F401 - registers the environments
+from creative_nao.agents import Agent, RandomAgent
+from creative_nao.evaluation.protocol import play
+from creative_nao.evaluation.statistics import estimate
+from creative_nao.model import split_memories
+
+
+class FarFromTried(Agent):
+    """Of a handful of random points, the one farthest from all that it has tried in this episode."""
+
+    name = "far-from-tried"
+    learns_within_episode = True
+
+    def start(self, context):
+        """Forget the episode before."""
+        self.tried = [np.zeros(context.action_space.shape)]
+
+    def choose(self, observation):
+        """Return the PB point to try next."""
+        space = self.context.action_space
+        candidates = self.context.rng.uniform(space.low, space.high, (32, *space.shape))
+        distances = np.linalg.norm(candidates[:, None] - np.array(self.tried), axis=-1).min(axis=1)
+        return candidates[distances.argmax()].astype(space.dtype)
+
+    def learn(self, pb, observation, reward, info):
+        """Remember what was tried; `reward` and `info` tell what came of it."""
+        self.tried.append(np.asarray(pb))
+
+
+parser = argparse.ArgumentParser()
+parser.add_argument("--env", default="CreativeNao/BoxingMental-v0")
+parser.add_argument("--memories", nargs="+", default=list(split_memories("test")), help="default: the unseen ones")
+parser.add_argument("--n-seeds", type=int, default=3)
+chosen = parser.parse_args()
+
+for agent in (RandomAgent(), FarFromTried()):
+    rewards = np.zeros((chosen.n_seeds, len(chosen.memories)))
+    for column, memory in enumerate(chosen.memories):
+        env = gym.make(chosen.env, memory=memory)
+        for seed in range(chosen.n_seeds):
+            rewards[seed, column] = play(agent, env, env_id=chosen.env, memory=memory, seed=seed).reward
+        env.close()
+    found = estimate(rewards, rng=np.random.default_rng(0))
+    print(f"{agent.name:<16} {found.value:.2f}" + (f" [{found.low:.2f}, {found.high:.2f}]" if found.low else ""))
