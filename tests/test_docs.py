@@ -118,7 +118,7 @@ def test_every_environment_is_documented():
 def test_every_page_and_example_is_in_the_contents():
     contents = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     for page in (ROOT / "docs").glob("*.md"):
-        assert f": {page.name}\n" in contents, page.name
+        assert f": {page.name}\n" in contents, f"add {page.name} to `nav` in mkdocs.yml"
     for example in (ROOT / "examples").glob("*.py"):
         assert f"`examples/{example.name}`" in TEXTS["docs/tutorials.md"], example.name
 
