@@ -35,13 +35,17 @@ class ExploreSettings:
     """Run folder of `evaluate` whose agents' choices are laid over the map."""
     session: Path | None = None
     """JSON file of the favourites; default: one of this user."""
+    html: Path | None = None
+    """Write the page as one file that works offline, instead of serving it."""
 
 
 def run(settings: ExploreSettings) -> int:
-    """Serve the page until Ctrl-C."""
+    """Serve the page until Ctrl-C, or write it to a file."""
     if not 1 <= settings.port <= 65535:
         raise SettingsError(f"--port should be from 1 to 65535, but is {settings.port}")
     memory = load_memory(settings.memory)
+    if settings.html is not None:
+        return _write_page(settings, settings.html)
     try:
         from creative_nao.explorer.server import Exhibit, claim_port, serve
     except ImportError as error:
@@ -83,3 +87,13 @@ def choices(folder: Path) -> np.ndarray:
         raise FileFormatError(f"{path}: the columns pb_1 and pb_2 cannot be read: {error}") from error
     points = np.array(rows, dtype=np.float64).reshape(-1, 2)
     return points[(np.abs(points) <= 1).all(axis=1)]
+
+
+def _write_page(settings: ExploreSettings, target: Path) -> int:
+    from creative_nao.explorer.static_export import write_page
+
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise SettingsError(f"--html should end in .html, but is {target}")
+    written = write_page(load_memory(settings.memory), target, settings.resolution)
+    print(f"written: {written}, {written.stat().st_size / 1e6:.1f} MB; it opens by double click, without a network")  # noqa: T201
+    return 0

@@ -137,7 +137,8 @@ class Tab:
             ui.label("The robot needs WebGL. Without it, the sentence and the curves below still tell all.").classes(
                 "cn-behind"
             )
-            scene = ui.scene(grid=False, fps=240, background_color="#c9d3de").classes("w-full h-full")
+            camera = ui.scene.perspective_camera(fov=50)
+            scene = ui.scene(grid=False, fps=240, background_color="#c9d3de", camera=camera).classes("w-full h-full")
             scene.props('role=img aria-label="The robot performing the movement"')
             with scene:
                 self.robot = RobotView(self.exhibit.stage.body.description())
