@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from creative_nao.demonstrations import load_demonstrations
-from creative_nao.envs import boxing_task
-from creative_nao.errors import SettingsError
+from creative_nao.envs import TASKS, boxing_task, load
+from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.joints import JOINTS, limits
 from creative_nao.robot import Performer, arm_angles
 
@@ -109,3 +109,74 @@ def test_a_control_step_is_a_whole_number_of_physics_steps():
 def test_settings_out_of_range_are_named(settings, message):
     with pytest.raises(SettingsError, match=message):
         boxing_task.load(**settings)
+
+
+# In the manner in which dm_control tests the tasks of its own suite.
+
+
+@pytest.fixture(scope="module", params=TASKS)
+def task(request):
+    return load(request.param, seed=1, start_noise_rad=0.05)
+
+
+def at_random(env, seed, n_steps=40):
+    """Play actions drawn evenly from the action spec, through the ends of episodes."""
+    spec, rng = env.action_spec(), np.random.default_rng(seed)
+    steps = [env.reset()]
+    for _ in range(n_steps):
+        steps.append(env.step(rng.uniform(spec.minimum, spec.maximum)))
+    return steps
+
+
+def test_the_action_spec_is_finite_and_in_order(task):
+    spec = task.action_spec()
+    assert spec.dtype == np.float64
+    assert np.isfinite([spec.minimum, spec.maximum]).all()
+    assert (spec.minimum < spec.maximum).all()
+
+
+@pytest.mark.parametrize("end", ["minimum", "maximum"])
+def test_actions_at_the_ends_of_the_range_are_survived(task, end):
+    task.reset()
+    for _ in range(20):
+        step = task.step(np.asarray(getattr(task.action_spec(), end)))
+        assert all(np.isfinite(value).all() for value in step.observation.values())
+
+
+def test_every_time_step_keeps_to_the_specs(task):
+    specs, reward_spec, discount_spec = task.observation_spec(), task.reward_spec(), task.discount_spec()
+    for step in at_random(task, 0):
+        assert step.observation.keys() == specs.keys()
+        for name, spec in specs.items():
+            spec.validate(step.observation[name])
+            assert np.isfinite(step.observation[name]).all(), name
+        if step.first():
+            assert step.reward is None
+            assert step.discount is None
+        else:
+            reward_spec.validate(np.asarray(step.reward))
+            discount_spec.validate(np.asarray(step.discount))
+            assert 0.0 <= step.reward < 100.0, "an impulse on the bag [N s]"
+            assert step.discount == (0.0 if step.last() else 1.0), "so early, only a fall ends an episode"
+
+
+def test_observations_are_the_callers_own(task):
+    step = task.reset()
+    kept = {name: np.array(value) for name, value in step.observation.items()}
+    task.step(np.asarray(task.action_spec().maximum))
+    for name, value in kept.items():
+        assert np.array_equal(step.observation[name], value), name
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_equal_seeds_and_actions_give_equal_bits_and_other_seeds_do_not(name):
+    one, same, other = (at_random(load(name, seed=seed, start_noise_rad=0.05), 5, 15) for seed in (2, 2, 3))
+    for first, second in zip(one, same, strict=True):
+        assert (first.reward, first.discount) == (second.reward, second.discount)
+        assert all(np.array_equal(first.observation[key], second.observation[key]) for key in first.observation)
+    assert not np.array_equal(one[0].observation["nao/joint_positions"], other[0].observation["nao/joint_positions"])
+
+
+def test_a_task_that_is_not_there_is_told_with_the_nearest():
+    with pytest.raises(NotFoundError, match=r"no task `boxin` \(did you mean `boxing`\?\); there are boxing"):
+        load("boxin")

@@ -51,6 +51,19 @@ def test_a_state_gone_back_to_goes_on_alike(env, name):
     assert data_equivalence(first, go_on(env, STEPS[name]), exact=True)
 
 
+@pytest.mark.slow
+def test_the_robot_goes_on_alike_for_two_hundred_actions():
+    with gym.make("CreativeNao/Boxing-v0") as env:
+        env.reset(seed=1)
+        go_on(env, 2)
+        copied, pickled, state = copy.deepcopy(env), pickle.loads(pickle.dumps(env)), env.unwrapped.get_state()
+        first = go_on(env, 200)
+        env.unwrapped.set_state(state)
+
+        for other in (env, copied, pickled):
+            assert data_equivalence(first, go_on(other, 200), exact=True)
+
+
 def test_another_environment_takes_the_state(env, name):
     with gym.make(name) as other:
         other.reset(seed=9)
