@@ -1,5 +1,6 @@
 """Draw the pictures of the documentation again: `python docs/make_images.py [strips] [film] [maps] [physical]`."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -56,11 +57,12 @@ def maps() -> None:
 
 
 def physical() -> None:
-    """Draw what the robot makes of them, from the results in docs/results/physical."""
+    """Draw what the robot makes of them and sum it up, from the maps in docs/results/physical."""
     for name in MEMORIES:
         result = DOCS / "results" / "physical" / f"{name}.npz"
-        if result.exists():
-            PhysicalMap.load(result).plot(IMAGES / f"physical_{name}.png")
+        chart = PhysicalMap.load(result)
+        chart.plot(IMAGES / f"physical_map_{name}.png")
+        result.with_suffix(".json").write_text(json.dumps(chart.summary(), indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
