@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import importlib
 import io
 import os
@@ -30,6 +31,8 @@ COMMANDS = {
 """Command: its file in this folder, its settings class and what it is for."""
 
 USER_ERROR, INTERRUPTED = 2, 130
+DISK_FAULTS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.ENOENT, errno.ENAMETOOLONG}
+"""What a full, read-only or vanished place to write answers."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -55,6 +58,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+    except OSError as error:
+        if error.errno not in DISK_FAULTS:
+            raise
+        return _fail(
+            f"{error.filename or 'a file could not be written'}: {error.strerror}; the old file, if any, stands"
+        )
 
 
 def overview() -> str:
