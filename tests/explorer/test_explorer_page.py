@@ -1,6 +1,7 @@
 """The page in a real browser: touch the map, and the robot moves."""
 
 import json
+import os
 
 import mujoco
 import numpy as np
@@ -21,7 +22,7 @@ def test_a_click_moves_the_robot_and_nothing_leaves_the_server(visit, server):
     tab.page.evaluate("window.robotPlayer.playing = true")
     tab.page.wait_for_function(tab.MOVED, arg=before)
     tab.says("PB -0.9")
-    assert "x=-0.9" in tab.page.url
+    tab.page.wait_for_function("location.search.startsWith('?x=-0.9')")
     assert tab.page.locator(".cn-curves svg").count() == 8
     assert all(url.startswith((server.url, "data:", "blob:")) for url in tab.requests), tab.requests
 
@@ -85,7 +86,7 @@ def test_dragging_follows_the_pointer_and_a_path_is_one_movement(visit, server):
         tab.page.wait_for_timeout(120)
     tab.page.mouse.up()
     tab.says("path of ")
-    assert "path=" in tab.page.url
+    tab.page.wait_for_function("location.search.startsWith('?path=')")
     again = visit(tab.page.url)
     again.says("path of ")
 
@@ -133,6 +134,8 @@ def test_favourites_outlive_the_tab(visit, server):
 
 @pytest.mark.slow
 def test_a_click_is_answered_within_200_ms(visit, server):
+    if os.getloadavg()[0] > 2 * (os.cpu_count() or 1):
+        pytest.skip(f"this machine is busy (load {os.getloadavg()[0]:.1f}): its clock would be judged, not the page")
     tab = visit(server.url)
     tab.wait_for_robot()
     rng = np.random.default_rng(0)
@@ -169,7 +172,7 @@ def test_what_was_exported_is_recognised_again(visit, server, tmp_path):
     waiting.value.save_as(exported)
     other = visit(server.url)
     other.page.locator("input[type=file]").set_input_files(exported)
-    other.says("Recording, recognised at R with DTW 0.0")
+    other.says("Recording, recognised at R with DTW 0.0", seconds=240)  # recognition is compiled at first use
     assert other.status.split(" left. ")[1].startswith("PB 0.100, 0.300")
 
     nonsense = tmp_path / "nonsense.csv"

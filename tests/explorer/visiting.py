@@ -84,9 +84,11 @@ class Visit:
     def status(self):
         return self.page.locator("[role=status]").first.inner_text()
 
-    def says(self, text):
+    def says(self, text, seconds=60):
         self.page.wait_for_function(
-            "(text) => document.querySelector('[role=status]').textContent.includes(text)", arg=text, timeout=60_000
+            "(text) => document.querySelector('[role=status]').textContent.includes(text)",
+            arg=text,
+            timeout=1000 * seconds,
         )
 
     def place(self, x, y):
