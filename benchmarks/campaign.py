@@ -14,11 +14,11 @@ from creative_nao.evaluation.suites import Suite, find_suite
 
 N_JOBS = 100_000
 MENTAL, PHYSICAL = "CreativeNao/BoxingMental-v0", "CreativeNao/Boxing-v0"
-REPEATS = 3
+REPEATS = 1
 
 
 def seconds(job: Job) -> float:
-    """Return the seconds of a core that a job takes: the least of a few times."""
+    """Return the seconds of a core that a job takes: the least of `REPEATS` times."""
     found = []
     for _ in range(REPEATS):
         with tempfile.TemporaryDirectory() as folder:
@@ -55,8 +55,8 @@ def per_episode(suite: Suite, env: str, n_more: int) -> tuple[float, float]:
 
 def main() -> None:
     search, transfer = find_suite("search"), find_suite("transfer")
-    start, mental = per_episode(search, MENTAL, 100)
-    _, physical = per_episode(search, PHYSICAL, 8)
+    start, mental = per_episode(search, MENTAL, 60)
+    _, physical = per_episode(search, PHYSICAL, 3)
     chart = seconds(first(dataclasses.replace(search, memories=("half/12",)), "chart")) - start
     assert transfer.taught is not None
     teach = seconds(first(transfer, "teach")) - start
