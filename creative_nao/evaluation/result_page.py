@@ -26,6 +26,10 @@ PREFACE = (
         "result files it names: it says what came out, also where that is nothing.",
     ),
 )
+NOT_PHYSICAL = paragraph(
+    "No run of suite `physical` is published yet; `creative-nao evaluate physical --docs docs` plays the same choices",
+    "imagined and performed, and writes this section.",
+)
 LIMITS = (
     "## What this does not show",
     bullet(
@@ -59,6 +63,8 @@ def result_page(published: Mapping[str, Results]) -> str:
             if results["suite"] == suite:
                 blocks += section(results)
                 blocks.append(paragraph(f"Figures: [{path}]({path}), made by `{results['record']['command']}`."))
+    if "physical" not in {results["suite"] for results in published.values()}:
+        blocks += ["## What physical execution changes", NOT_PHYSICAL]
     return "\n\n".join([*blocks, *LIMITS]) + "\n"
 
 
