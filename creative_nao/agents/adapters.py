@@ -1,4 +1,4 @@
-"""Between our ask and tell and the `predict` of Stable-Baselines3: either can be entered for the other."""
+"""Between our ask and tell, the `predict` of Stable-Baselines3 and plain functions: each can be entered as an agent."""
 
 from __future__ import annotations
 
@@ -57,6 +57,55 @@ class PolicyAgent(Agent):
             torch.manual_seed(int(self.context.rng.integers(2**63)))
             action, self._state = self.policy.predict(observation, self._state, episode_start, deterministic=False)
         return action
+
+
+class FunctionAgent(Agent):
+    """Plays a plain function as an agent.
+
+    Args:
+        function: Takes the observation and returns a PB vector, shape (n_pb,), inside the action space. It is told
+            nothing else; what it draws at random it has to seed itself.
+        name: Under which results list it.
+
+    Example:
+        >>> agent = FunctionAgent(lambda observation: -observation[:2], name="opposite")
+    """
+
+    name: ClassVar[str] = "function"
+
+    def __init__(self, function: Callable[[np.ndarray], Any], *, name: str | None = None):
+        self.function = function
+        if name is not None:
+            self.name = name  # pyright: ignore[reportAttributeAccessIssue]
+
+    def choose(self, observation: np.ndarray) -> np.ndarray:
+        """Return what the function says, shape (n_pb,)."""
+        return np.asarray(self.function(observation))
+
+
+def as_agent(entered: Any, *, name: str | None = None) -> Agent:
+    """Return anything that can choose PB vectors as an agent.
+
+    Args:
+        entered: An `Agent`, anything with the `predict` of Stable-Baselines3, or a function from observations to PB
+            vectors.
+        name: Under which results list it; default: its own.
+
+    Raises:
+        SettingsError: If it is none of these.
+    """
+    if isinstance(entered, Agent):
+        if name is not None:
+            entered.name = name  # pyright: ignore[reportAttributeAccessIssue]
+        return entered
+    if callable(getattr(entered, "predict", None)):
+        return PolicyAgent(entered, name=name)
+    if callable(entered) and not isinstance(entered, type):
+        return FunctionAgent(entered, name=name)
+    raise SettingsError(
+        f"an agent should be an `Agent`, an object with `predict` or a function from observations to PB vectors, "
+        f"but is {entered!r}"
+    )
 
 
 class AgentPolicy:

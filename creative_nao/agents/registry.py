@@ -2,20 +2,39 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from pathlib import Path
 
 from creative_nao.agents.adapters import PolicyAgent
 from creative_nao.agents.algorithms import ALGORITHMS
 from creative_nao.agents.base import Agent
+from creative_nao.agents.bayesian import BayesianAgent
 from creative_nao.agents.bundle import TrainedPolicy, load_bundle
+from creative_nao.agents.cma_es import CmaEsAgent
+from creative_nao.agents.cma_me import CmaMeAgent
+from creative_nao.agents.entry_point import load_entry_point
+from creative_nao.agents.learned_replay import ReplayAgent
+from creative_nao.agents.map_elites import MapElitesAgent
+from creative_nao.agents.novelty_search import NoveltySearchAgent
+from creative_nao.agents.oracle import OracleAgent
 from creative_nao.agents.random_search import RandomAgent
 from creative_nao.agents.shipped import find_bundle, shipped_agents
+from creative_nao.agents.sobol import SobolAgent
 from creative_nao.agents.supervised import SupervisedAgent
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 
-UNTRAINED: dict[str, Callable[[], Agent]] = {SupervisedAgent.name: SupervisedAgent, RandomAgent.name: RandomAgent}
+UNTRAINED: dict[str, Callable[[], Agent]] = {
+    SupervisedAgent.name: SupervisedAgent,
+    ReplayAgent.name: ReplayAgent,
+    RandomAgent.name: RandomAgent,
+    SobolAgent.name: SobolAgent,
+    CmaEsAgent.name: CmaEsAgent,
+    CmaMeAgent.name: CmaMeAgent,
+    MapElitesAgent.name: MapElitesAgent,
+    NoveltySearchAgent.name: NoveltySearchAgent,
+    BayesianAgent.name: BayesianAgent,
+    OracleAgent.name: OracleAgent,
+}
 """Agents that need no training."""
 
 TRAINED = tuple(ALGORITHMS)
@@ -40,19 +59,19 @@ def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
 
     Args:
         name: One of `NAMES`; or a trained agent by shipped name, such as ``ppo/BoxingMental-v0``, or path of a bundle;
-            or ``module:factory``, something importable that returns an `Agent` or a policy with `predict`.
+            or ``package.module:factory``, the user's own code, which is imported and called (`load_entry_point`).
         bundle: With the name of a trained agent: shipped name or path of its bundle.
 
     Raises:
         NotFoundError: If no agent is called so, or the bundle does not exist.
-        SettingsError: If a trained agent lacks its bundle, or a factory returns something else.
+        SettingsError: If a trained agent lacks its bundle, or a factory makes no agent.
         FileFormatError: If the bundle is damaged.
     """
     if bundle is None and name not in NAMES:
         if name in shipped_agents() or Path(name).is_file():
             return _trained(load_bundle(name))
         if ":" in name:
-            return _from_factory(name)
+            return load_entry_point(name)
         if "/" in name:
             find_bundle(name)
     check_name(name)
@@ -68,18 +87,3 @@ def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
 
 def _trained(trained: TrainedPolicy) -> Agent:
     return PolicyAgent(trained, deterministic=trained.header.deterministic, name=trained.header.agent)
-
-
-def _from_factory(name: str) -> Agent:
-    """Return the agent that ``module:factory`` makes; a policy is played as an agent of that name."""
-    module_name, _, factory_name = name.partition(":")
-    try:
-        factory = getattr(importlib.import_module(module_name), factory_name)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise NotFoundError(f"no agent factory `{name}`: {error}; it should be importable as module:factory") from error
-    made = factory()
-    if isinstance(made, Agent):
-        return made
-    if callable(getattr(made, "predict", None)):
-        return PolicyAgent(made, name=name)
-    raise SettingsError(f"`{name}` should return an Agent or a policy with `predict`, but returned {made!r:.60}")

@@ -1,4 +1,4 @@
-"""Who may take part: an agent by name, one that is trained on the spot, or a bundle trained before."""
+"""Who may take part: an agent by name, one trained on the spot, a bundle trained before, or a factory of the user's."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from creative_nao.agents.adapters import PolicyAgent
 from creative_nao.agents.base import Agent
 from creative_nao.agents.bundle import load_bundle
+from creative_nao.agents.entry_point import is_entry_point, load_entry_point
 from creative_nao.agents.registry import NAMES, TRAINED, UNTRAINED, make_agent
 from creative_nao.agents.shipped import shipped_agents
 from creative_nao.errors import NotFoundError, nearest_name
@@ -28,10 +29,16 @@ def in_bundle(name: str) -> bool:
 def check_entrant(name: str) -> str:
     """Return `name` if it can take part.
 
+    A `package.module:factory` is tried at once: a mistake in it should not wait for the first job.
+
     Raises:
-        NotFoundError: If it is neither an agent nor a bundle; the message offers the nearest name.
+        NotFoundError: If it is neither an agent, nor a bundle, nor a factory; the message offers the nearest name.
+        SettingsError: If a factory makes no agent.
     """
     if name in UNTRAINED or trained_here(name) or in_bundle(name):
+        return name
+    if is_entry_point(name):
+        load_entry_point(name)
         return name
     if name in TRAINED:
         raise NotFoundError(
@@ -40,7 +47,8 @@ def check_entrant(name: str) -> str:
         )
     known = (*UNTRAINED, PPO, *shipped_agents())
     raise NotFoundError(
-        f"no agent `{name}`{nearest_name(name, known)}; there are: {', '.join(known)}, and bundle files"
+        f"no agent `{name}`{nearest_name(name, known)}; there are: {', '.join(known)}, bundle files, and "
+        "package.module:factory for your own"
     )
 
 

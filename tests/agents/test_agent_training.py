@@ -201,9 +201,9 @@ def test_a_factory_of_one_s_own_plays(monkeypatch):
     agent = make_agent("my_agents:centre")
     assert agent.name == "my_agents:centre"
     assert play_episodes(agent, ENV, ["half/10"], [0])[0].reward >= 0.0
-    with pytest.raises(NotFoundError, match="no agent factory `my_agents:corner`"):
+    with pytest.raises(NotFoundError, match="agent `my_agents:corner`: `my_agents` has no `corner`"):
         make_agent("my_agents:corner")
-    with pytest.raises(SettingsError, match="should return an Agent or a policy"):
+    with pytest.raises(SettingsError, match="an agent should be an `Agent`, an object with `predict`"):
         make_agent("builtins:dict")
 
 
