@@ -28,7 +28,8 @@ class TrainingRecord:
         episode_rewards: Reward of each.
         evaluation_ends: Decisions made when each evaluation took place.
         evaluations: Rewards of the episodes of each evaluation.
-        best_weights: Weights of the policy at the best evaluation.
+        best_weights: Weights of the policy at the best evaluation. The one before any training does not count: where
+            no training helps, an untrained policy should not pass for a trained one.
     """
 
     episode_ends: list[int] = field(default_factory=list)
@@ -39,12 +40,13 @@ class TrainingRecord:
 
     @property
     def best_mean(self) -> float:
-        """Highest mean reward of an evaluation, minus infinity before the first."""
-        return max((float(np.mean(one)) for one in self.evaluations), default=-np.inf)
+        """Highest mean reward of an evaluation after training began, minus infinity before the first."""
+        ends = zip(self.evaluation_ends, self.evaluations, strict=True)
+        return max((float(np.mean(one)) for end, one in ends if end > 0), default=-np.inf)
 
     def evaluated(self, n_decisions: int, rewards: tuple[float, ...], weights: dict[str, np.ndarray]) -> None:
         """Take an evaluation in, and its weights if it is the best so far."""
-        if float(np.mean(rewards)) > self.best_mean:
+        if not self.best_weights or float(np.mean(rewards)) > self.best_mean:
             self.best_weights = weights
         self.evaluation_ends.append(n_decisions)
         self.evaluations.append(rewards)

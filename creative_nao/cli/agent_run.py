@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from pathlib import Path
 
 import tyro
 
@@ -83,7 +82,7 @@ def _replay(trained: TrainedPolicy, settings: RunAgentSettings) -> int:
         verdict = "reproduced exactly" if same else f"not reproduced, now {score.mean!r}; recorded with"
         made_with = "" if same else f" {trained.header.machine}, {trained.header.versions}"
         print(  # noqa: T201
-            f"{Path(settings.agent).name}: recorded {recorded.mean!r} over {n_episodes} episodes in "
+            f"{settings.agent}: recorded {recorded.mean!r} over {n_episodes} episodes in "
             f"{recorded.env}: {verdict}{made_with}"
         )
     return 0 if same else 1
