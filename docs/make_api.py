@@ -14,6 +14,7 @@ PACKAGES = (
     "creative_nao.measures",
     "creative_nao.pb_space",
     "creative_nao.envs",
+    "creative_nao.testing",
     "creative_nao.agents",
     "creative_nao.exchange",
     "creative_nao.robot",

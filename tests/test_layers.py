@@ -12,6 +12,7 @@ ORDER = [
     "explorer",
     "evaluation",
     "agents",
+    "testing",
     "envs",
     "pb_space",
     "model",
