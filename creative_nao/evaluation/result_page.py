@@ -88,10 +88,11 @@ def _search(results: Results) -> list[str]:
     reach = f"{n_actions} actions on {base['n_memories']} memories that no training has seen"
     blocks = [f"## Who beats uniform sampling at {n_actions} actions?"]
     if told["ahead"]:
+        earn = "earns" if len(told["ahead"]) == 1 else "earn"
         blocks += [
             paragraph(
-                f"{len(told['ahead'])} of {len(others)} agents earn more than uniform sampling of the grid,",
-                f"`{base['agent']}`, with {reach}:",
+                f"{len(told['ahead'])} of the {len(others)} other agents {earn} more than uniform sampling of the",
+                f"grid, `{base['agent']}`, with {reach}:",
             ),
             "\n".join(_sentence(entry, base) for entry in told["ahead"]),
         ]

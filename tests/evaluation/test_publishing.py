@@ -144,7 +144,7 @@ def test_where_none_is_ahead_the_page_says_so():
 
 def test_where_one_is_ahead_the_page_says_by_how_much():
     page = page_of(entry(0.5, 1.5, 0.25, 1.75), entry(-1.5, -0.5, -2.0, -0.2, "bayesian"))
-    assert "1 of 2 agents earn more than uniform sampling" in page
+    assert "1 of the 2 other agents earns more than uniform sampling" in page
     assert (
         "`sobol`: +1.00 [+0.50, +1.50] in reward, +10 [+5, +15] %; with the memories drawn anew too [+0.25, +1.75]."
         in page

@@ -6,6 +6,8 @@ import json
 import pytest
 
 from creative_nao.agents.ppo import PPOSettings
+from creative_nao.agents.registry import UNTRAINED
+from creative_nao.agents.shipped import shipped_agents
 from creative_nao.demonstrations import load_demonstrations, save_demonstrations
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan
@@ -47,6 +49,17 @@ def test_search_judges_on_memories_that_no_training_sees():
     assert search.memories == split_memories("test")
     assert not set(search.memories) & {*split_memories("train"), *split_memories("validation")}
     assert search.n_seeds >= 10
+
+
+def test_search_lets_all_agents_play_but_the_slow_one_and_the_one_that_knows_the_map():
+    agents = set(find_suite("search").agents)
+    assert set(UNTRAINED) - agents == {"bayesian", "oracle"}
+    assert agents - set(UNTRAINED) == {name for name in shipped_agents() if name.endswith("/BoxingMental-v0")}
+
+
+def test_physical_lets_the_policies_play_that_were_shipped_for_the_body():
+    shipped = {name for name in shipped_agents() if name.endswith("/Boxing-v0")}
+    assert shipped <= set(find_suite("physical").agents)
 
 
 def test_a_user_s_file_is_a_suite_named_after_it(write):
