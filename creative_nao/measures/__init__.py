@@ -12,6 +12,12 @@ A set of actions
     - `novelty`, `diversity` -> `Draws`: the paper's means over random samples.
     - `table` -> `Table`: the figures of the paper's Table I.
     - `farthest_points` -> `FarthestPoints`: the greedy oracle; `reward_scale`: the unit of its rewards.
+    - `vendi_score`, `dtw_similarity`: how many different actions a set amounts to.
+    - `density_coverage` -> `DensityCoverage`: how a set lies among those of a reference.
+    - `warping`, `warping_diversity`, `warping_path`: differences in timing.
+    - `grid_quality` -> `GridQuality`: QD score and coverage of a grid of descriptors.
+A search
+    - `oracle_share`, `regret`, `first_novel`: how much it found for its trying; `unexpectedness`: how rare that is.
 
 Nothing here knows of networks or robots; numba is loaded by the first distance, not by the import.
 """
@@ -26,14 +32,20 @@ from creative_nao.measures.appropriateness import (
     speed_limits,
 )
 from creative_nao.measures.attribution import Attribution, Stretch, attribution
+from creative_nao.measures.coverage import DensityCoverage, density_coverage
 from creative_nao.measures.diversity import diversity, mean_pairwise_distance, reward_scale
 from creative_nao.measures.draws import Draws
 from creative_nao.measures.dtw import dtw, dtw_matrix
+from creative_nao.measures.efficiency import first_novel, oracle_share, regret
 from creative_nao.measures.farthest import FarthestPoints, farthest_points
+from creative_nao.measures.grid import GridQuality, grid_quality
 from creative_nao.measures.novelty import novelty
 from creative_nao.measures.pairs import dtw_pairs
 from creative_nao.measures.score import OUTCOMES, Scores, score
 from creative_nao.measures.table import Table, table
+from creative_nao.measures.unexpectedness import unexpectedness
+from creative_nao.measures.vendi import dtw_similarity, vendi_score
+from creative_nao.measures.warping import warping, warping_diversity, warping_path
 
 __all__ = [  # noqa: RUF022 - in reading order
     "dtw",
@@ -61,4 +73,17 @@ __all__ = [  # noqa: RUF022 - in reading order
     "farthest_points",
     "FarthestPoints",
     "reward_scale",
+    "vendi_score",
+    "dtw_similarity",
+    "density_coverage",
+    "DensityCoverage",
+    "warping",
+    "warping_diversity",
+    "warping_path",
+    "grid_quality",
+    "GridQuality",
+    "oracle_share",
+    "regret",
+    "first_novel",
+    "unexpectedness",
 ]

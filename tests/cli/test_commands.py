@@ -111,9 +111,26 @@ def test_score_knows_a_basic_action(capsys, tmp_path, demonstrations):
     path = save_trajectory(tmp_path / "a.csv", demonstrations.trajectories[2], demonstrations.dt_s)
 
     assert main(["score", str(path), "--json"]) == 0
-    (row,) = json.loads(capsys.readouterr().out)
+    found = json.loads(capsys.readouterr().out)
+    (row,) = found["files"]
+    assert found["set"] is None
     assert (row["outcome"], row["nearest"]) == ("learned", demonstrations.names[2])
     assert row["distance"] < 0.01
+
+
+def test_several_movements_of_any_format_are_measured_as_a_set(capsys, tmp_path, demonstrations):
+    paths = [
+        save_trajectory(tmp_path / f"{k}.csv", demonstrations.trajectories[k], demonstrations.dt_s) for k in (0, 2)
+    ]
+    assert main(["export", "--csv", str(paths[0]), "--out", str(tmp_path / "a.motion")]) == 0
+    capsys.readouterr()
+
+    assert main(["score", str(tmp_path / "a.motion"), str(paths[1]), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [row["nearest"] for row in found["files"]] == ["left_jab", "left_hook"]
+    assert found["set"]["n_appropriate"] == 2
+    assert found["set"]["diversity"] == pytest.approx(35.17, abs=0.05)
+    assert 1.9 < found["set"]["vendi_score"] <= 2
 
 
 def test_memories_lists_what_ships(capsys):

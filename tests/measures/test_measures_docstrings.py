@@ -3,8 +3,10 @@ import importlib
 
 import pytest
 
+NAMES = ("dtw", "score", "vendi", "coverage", "warping", "grid", "efficiency", "unexpectedness")
 
-@pytest.mark.parametrize("name", ["dtw", "score"])
+
+@pytest.mark.parametrize("name", NAMES)
 def test_the_examples_say_what_happens(name):
     result = doctest.testmod(importlib.import_module(f"creative_nao.measures.{name}"))
     assert result.attempted > 0
