@@ -11,7 +11,7 @@ import numpy as np
 import tyro
 
 from creative_nao import exchange
-from creative_nao.demonstrations import Demonstrations, load_demonstrations
+from creative_nao.demonstrations import Demonstrations, load_demonstrations, load_trajectory
 from creative_nao.errors import SettingsError
 from creative_nao.measures import (
     Scores,
@@ -41,7 +41,7 @@ def run(settings: ScoreSettings) -> int:
     if not settings.files:
         raise SettingsError("score: name at least one file")
     basic = load_demonstrations(settings.demonstrations)
-    trajectories = [exchange.read(path, basic.dt_s, basic.joints).motion.angles for path in settings.files]
+    trajectories = [_read(path, basic) for path in settings.files]
     scores = score(trajectories, basic)
     rows = _rows(settings.files, scores, basic)
     found = _set(trajectories, scores)
@@ -59,6 +59,13 @@ def run(settings: ScoreSettings) -> int:
             f"diversity in timing {found['warping_diversity']:.3f}"
         )
     return 0
+
+
+def _read(path: Path, basic: Demonstrations) -> np.ndarray:
+    """Return a recording at the tick of the basic actions; a CSV file has to be in radians, as everywhere."""
+    if path.suffix.lower() == ".csv":
+        return load_trajectory(path, dt_s=basic.dt_s, joints=basic.joints)
+    return exchange.read(path, basic.dt_s, basic.joints).motion.angles
 
 
 def _rows(files: tuple[Path, ...], scores: Scores, basic: Demonstrations) -> list[dict[str, Any]]:
