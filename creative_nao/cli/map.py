@@ -11,7 +11,7 @@ import tyro
 from creative_nao.errors import SettingsError
 from creative_nao.measures import OUTCOMES, score, table
 from creative_nao.model import load_memory
-from creative_nao.pb_space import PAPER_RESOLUTION, pb_map
+from creative_nao.pb_space import COLOURINGS, PAPER_RESOLUTION, check_colour, pb_map
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,9 @@ class MapSettings:
     """NPZ file to write; the picture stands beside it, ending in .png."""
     resolution: int = PAPER_RESOLUTION
     """Points along each axis of the PB space."""
+    colour: str = "nearest"
+    """What the picture's colours tell: nearest (basic action), novelty, speed, excursion or ruggedness; with --physical
+    nearest or novelty."""
     physical: bool = False
     """Let the simulated robot perform every movement and map what its body makes of it; 200 x 200 take about 25 minutes
     of one core."""
@@ -43,12 +46,15 @@ def run(settings: MapSettings) -> int:
         raise SettingsError(f"--out should end in .npz, but is {settings.out}")
     if not settings.physical and (settings.resume or settings.n_threads is not None):
         raise SettingsError("--resume and --n-threads go with --physical")
+    colour = check_colour(settings.colour)
     if settings.physical:
+        if colour in COLOURINGS and COLOURINGS[colour].needs_trajectories:
+            raise SettingsError(f"--colour {colour} needs the movements, which a --physical map does not hold")
         from creative_nao.cli.map_physical import run_physical  # loads MuJoCo, which the mental map does not need
 
         return run_physical(
             settings.memory, settings.out, settings.resolution,
-            n_threads=settings.n_threads, resume=settings.resume, as_json=settings.json,
+            n_threads=settings.n_threads, resume=settings.resume, as_json=settings.json, colour=colour,
         )  # fmt: skip
     memory = load_memory(settings.memory)
     chart = pb_map(memory, settings.resolution)
@@ -59,7 +65,7 @@ def run(settings: MapSettings) -> int:
     )
     picture = settings.out.with_suffix(".png")
     chart.save(settings.out)
-    chart.plot(picture)
+    chart.plot(picture, colour=colour)
     regions = dict(zip(chart.names, chart.learned_region_pct().round(3).tolist(), strict=True))
     found = {
         "memory": settings.memory,

@@ -13,7 +13,9 @@ from creative_nao.errors import SettingsError
 from creative_nao.model import load_memory
 
 
-def run_physical(name: str, out: Path, resolution: int, *, n_threads: int | None, resume: bool, as_json: bool) -> int:
+def run_physical(
+    name: str, out: Path, resolution: int, *, n_threads: int | None, resume: bool, as_json: bool, colour: str
+) -> int:
     """Perform the whole grid, write the map and its picture, print its figures; a killed run goes on with `resume`."""
     memory = load_memory(name)
     checkpoint = out.with_suffix(".part.npz")
@@ -32,7 +34,7 @@ def run_physical(name: str, out: Path, resolution: int, *, n_threads: int | None
     chart.save(out)
     checkpoint.unlink()
     picture = out.with_suffix(".png")
-    chart.plot(picture)
+    chart.plot(picture, colour=colour)
     found = {**chart.summary(), "out": [str(out), str(picture)]}
     if as_json:
         print(json.dumps(found))  # noqa: T201 - the command's output

@@ -37,6 +37,7 @@ class PBMap:
         record: Memory, settings and versions that made the map.
         trajectories: What the network generates at each point [rad], shape (n, n_steps, n_joints); None in a map read
             from a file, since the memory gives the same bits again.
+        dt_s: Tick of the trajectories [s]; None in a map read from a file.
     """
 
     resolution: int
@@ -48,6 +49,7 @@ class PBMap:
     names: tuple[str, ...]
     record: dict[str, Any]
     trajectories: np.ndarray | None = None
+    dt_s: float | None = None
 
     @property
     def appropriate(self) -> np.ndarray:
@@ -122,11 +124,11 @@ class PBMap:
         )  # fmt: skip
 
     def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
-        """Draw the map in the manner of the paper's Fig. 4; see `picture.draw_map` for the options.
+        """Draw the map in the manner of the paper's Fig. 4, or coloured by a measure.
 
         Args:
             path: PNG or SVG to write; with None nothing is written.
-            **options: Handed to `picture.draw_map`.
+            **options: Handed to `picture.draw_map`, such as ``colour="speed"``.
 
         Returns:
             The matplotlib figure.
@@ -166,4 +168,5 @@ def pb_map(memory: Memory, resolution: int = PAPER_RESOLUTION, criteria: Criteri
         names=memory.demonstrations.names,
         record=record(settings={"memory": memory.name, "resolution": resolution}),
         trajectories=trajectories,
+        dt_s=memory.dt_s,
     )

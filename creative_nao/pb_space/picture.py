@@ -7,18 +7,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from creative_nao.atomic import replacing
+from creative_nao.pb_space.colouring import NEAREST, colour_values
 from creative_nao.pb_space.palette import INK, PAPER_WHITE, UNUSABLE, action_colour, action_letter, rgb
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
     from creative_nao.pb_space.chart import PBMap
 
 HALF_DISTANCE = 10.0
 """DTW distance at which half of the similarity is left [rad]: the paper's threshold of the learned actions."""
+
+MEASURE_COLOURS = "YlGn"
+"""Scale of a measure, from pale to dark in grey too; its dark end is not taken for the purple of what fluctuates."""
 
 
 def map_image(pb_map: PBMap) -> np.ndarray:
@@ -30,19 +36,40 @@ def map_image(pb_map: PBMap) -> np.ndarray:
     similarity = 2.0 ** (-pb_map.distance / HALF_DISTANCE)
     weight = (0.15 + 0.85 * similarity)[:, None]
     image = weight * colours[pb_map.nearest] + (1 - weight) * np.array(rgb(PAPER_WHITE))
+    return _with_unusable(image, pb_map)
+
+
+def measure_image(pb_map: PBMap, values: np.ndarray) -> tuple[np.ndarray, ScalarMappable]:
+    """Return the colours of a map that tell a number a point, in the manner of `map_image`, and their scale.
+
+    The scale spans the points that can be used; the others keep the colours of their outcomes.
+    """
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    usable = values[pb_map.appropriate]
+    low, high = (float(usable.min()), float(usable.max())) if len(usable) else (0.0, 1.0)
+    scale = ScalarMappable(Normalize(low, high), MEASURE_COLOURS)
+    return _with_unusable(np.array(scale.to_rgba(values))[:, :3], pb_map), scale
+
+
+def _with_unusable(image: np.ndarray, pb_map: PBMap) -> np.ndarray:
     for outcome, (colour, _) in UNUSABLE.items():
         image[pb_map.outcome == outcome] = rgb(colour)
     return image.reshape(pb_map.resolution, pb_map.resolution, 3)
 
 
-def draw_on(axes: Axes, pb_map: PBMap) -> None:
-    """Draw the map with borders, hatching and the letters of the basic actions on matplotlib axes."""
+def draw_on(axes: Axes, pb_map: PBMap, image: np.ndarray | None = None) -> None:
+    """Draw the map with borders, hatching and the letters of the basic actions on matplotlib axes.
+
+    The colours are those of `image`, by default of `map_image`.
+    """
     from matplotlib import patheffects
 
     n = pb_map.resolution
     half_cell = 1.0 / (n - 1)
     axes.imshow(
-        map_image(pb_map), origin="lower", interpolation="nearest",
+        map_image(pb_map) if image is None else image, origin="lower", interpolation="nearest",
         extent=(-1 - half_cell, 1 + half_cell, -1 - half_cell, 1 + half_cell),
     )  # fmt: skip
     axis = np.linspace(-1, 1, n)
@@ -66,15 +93,18 @@ def draw_on(axes: Axes, pb_map: PBMap) -> None:
     axes.set(xlabel="PB 1", ylabel="PB 2", xticks=[-1, -0.5, 0, 0.5, 1], yticks=[-1, -0.5, 0, 0.5, 1])
 
 
-def legend_handles(pb_map: PBMap) -> list[Any]:
-    """Return legend entries: each basic action with the share of the map that it fills, and the two unusable kinds."""
+def legend_handles(pb_map: PBMap, coloured: bool = True) -> list[Any]:
+    """Return legend entries: each basic action with the share of the map that it fills, and the unusable kinds.
+
+    Where the colours tell something else than the basic action, `coloured` is False.
+    """
     from matplotlib.patches import Patch
 
     shares = pb_map.learned_region_pct()
     handles = [
         Patch(
-            facecolor=action_colour(place),
-            edgecolor=INK,
+            facecolor=action_colour(place) if coloured else "none",
+            edgecolor=INK if coloured else "none",
             label=f"{action_letter(place)}  {name.replace('_', ' ')}  ({shares[place]:.1f} % learned)",
         )
         for place, name in enumerate(pb_map.names)
@@ -94,6 +124,8 @@ def draw_map(
     *,
     title: str | None = None,
     points: np.ndarray | None = None,
+    colour: str | ArrayLike = NEAREST,
+    colour_label: str | None = None,
 ) -> Figure:
     """Draw one map with its legend.
 
@@ -102,23 +134,38 @@ def draw_map(
         path: PNG or SVG to write in one step, by its ending; None writes nothing.
         title: Title; default: the name of the memory.
         points: PB points to mark, for example an agent's choices, shape (n, 2).
+        colour: What the colours tell: `nearest`, a measure of `colouring.COLOURINGS`, or a number of one's own for each
+            point of the map, shape (n,).
+        colour_label: Text beside the scale; default: the measure and its unit.
 
     Returns:
         The matplotlib figure.
+
+    Raises:
+        CreativeNaoError: If the map cannot be coloured so, as `colouring.colour_values` tells.
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.4, 6.2), layout="compressed")
+    by_action = isinstance(colour, str) and colour == NEAREST
+    figure = Figure(figsize=(9.4 if by_action else 10.6, 6.2), layout="compressed" if by_action else "constrained")
     axes = figure.subplots()
-    draw_on(axes, pb_map)
+    if by_action:
+        draw_on(axes, pb_map)
+        heading = "strong colour: like the basic action\nfaint colour: new"
+    else:
+        values, label = colour_values(pb_map, colour)
+        image, scale = measure_image(pb_map, values)
+        draw_on(axes, pb_map, image)
+        figure.colorbar(scale, ax=axes, label=label if colour_label is None else colour_label, shrink=0.82, pad=0.02)
+        heading = "letters: the basic actions\nlines: where they come back"
     if points is not None:
         axes.scatter(points[:, 0], points[:, 1], s=28, color="white", edgecolor="black", linewidth=1.2, zorder=3)
     name = pb_map.record.get("settings", {}).get("memory", "")
     appropriate = 100.0 * float(pb_map.appropriate.mean())
     axes.set_title(title if title is not None else f"Memory {name}: {appropriate:.1f} % of the map is appropriate")
     figure.legend(
-        handles=legend_handles(pb_map), loc="outside right upper", frameon=False, fontsize=9,
-        title="strong colour: like the basic action\nfaint colour: new", alignment="left",
+        handles=legend_handles(pb_map, by_action), loc="outside right upper", frameon=False, fontsize=9,
+        title=heading, alignment="left",
     )  # fmt: skip
     if path is not None:
         with replacing(Path(path)) as temporary:

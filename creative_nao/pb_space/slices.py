@@ -99,6 +99,7 @@ def pb_slice(
         names=memory.demonstrations.names,
         record=record(settings=settings),
         trajectories=trajectories,
+        dt_s=memory.dt_s,
         axes=pair,
         at=place,
     )
