@@ -25,8 +25,8 @@ class MapSettings:
     resolution: int = PAPER_RESOLUTION
     """Points along each axis of the PB space."""
     colour: str = "nearest"
-    """What the picture's colours tell: nearest (basic action), novelty, speed, excursion or ruggedness; with --physical
-    nearest or novelty."""
+    """What the picture's colours tell: nearest (basic action), novelty, unexpectedness, speed, excursion or ruggedness;
+    with --physical one of the first three."""
     physical: bool = False
     """Let the simulated robot perform every movement and map what its body makes of it; 200 x 200 take about 25 minutes
     of one core."""

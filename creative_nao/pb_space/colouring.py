@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name
-from creative_nao.measures import dtw_pairs, excursions, largest_speeds
+from creative_nao.measures import dtw_pairs, excursions, largest_speeds, unexpectedness
 
 if TYPE_CHECKING:
     from creative_nao.pb_space.chart import PBMap
@@ -48,6 +48,12 @@ def neighbour_distances(pb_map: PBMap) -> np.ndarray:
     return total / (np.bincount(first, minlength=n * n) + np.bincount(second, minlength=n * n))
 
 
+def _unexpectedness(pb_map: PBMap) -> np.ndarray:
+    """Against the map's own usable points: what an even draw from them would be expected to find."""
+    usable = pb_map.distance[pb_map.appropriate]
+    return unexpectedness(pb_map.distance, usable if len(usable) else pb_map.distance)
+
+
 def _speeds(pb_map: PBMap) -> np.ndarray:
     if pb_map.dt_s is None:
         raise SettingsError("a map coloured by speed needs its tick, `dt_s`, which this one does not hold.")
@@ -62,6 +68,7 @@ def _trajectories(pb_map: PBMap) -> np.ndarray:
 
 COLOURINGS: dict[str, Colouring] = {
     "novelty": Colouring("novelty: DTW distance to the nearest basic action [rad]", False, lambda one: one.distance),
+    "unexpectedness": Colouring("unexpectedness among the usable movements of the map [bit]", False, _unexpectedness),
     "speed": Colouring("largest speed of a joint [rad/s]", True, _speeds),
     "excursion": Colouring("way of the most moving joint [rad]", True, lambda one: excursions(_trajectories(one))),
     "ruggedness": Colouring("mean DTW distance to the neighbouring movements [rad]", True, neighbour_distances),

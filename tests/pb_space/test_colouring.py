@@ -26,6 +26,19 @@ def test_the_numbers_are_those_of_the_measures(chart, tiny_memory):
     assert np.array_equal(colour_values(chart, "excursion")[0], measures.excursions(chart.trajectories))
 
 
+def test_the_newest_usable_movement_is_the_least_expected(chart):
+    values, _ = colour_values(chart, "unexpectedness")
+    usable = chart.distance[chart.appropriate]
+
+    assert len(usable) > 1
+    assert np.array_equal(values, measures.unexpectedness(chart.distance, usable))
+    assert (
+        values[chart.appropriate].max()
+        == values[chart.distance == usable.max()].max()
+        > values[chart.appropriate].min()
+    )
+
+
 def test_ruggedness_is_the_mean_distance_to_the_neighbours(chart):
     found, _ = colour_values(chart, "ruggedness")
     for cell, neighbours in ((0, (1, 9)), (4, (3, 5, 13)), (40, (39, 41, 31, 49))):  # a corner, an edge, the middle
