@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from creative_nao.atomic import write_bytes
-from creative_nao.errors import FileFormatError, NotFoundError
+from creative_nao.errors import FileFormatError
+from creative_nao.untrusted import read_bytes
 
 MAX_HEADER_BYTES = 1_000_000
 MAX_FILE_BYTES = 256_000_000
@@ -52,15 +53,11 @@ def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, 
     from safetensors.numpy import load
 
     path = Path(path)
-    if not path.is_file():
-        raise NotFoundError(f"no {kind} file at {path}")
-    if path.stat().st_size > MAX_FILE_BYTES:
-        raise FileFormatError(f"{path}: {path.stat().st_size} bytes; a file of this kind has at most {MAX_FILE_BYTES}")
-    content = path.read_bytes()
+    content = read_bytes(path, f"{kind} file", MAX_FILE_BYTES)
     metadata = _check_frame(path, kind, content)
     try:
         header = json.loads(metadata["creative_nao"])
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise FileFormatError(f"{path}: the JSON header of the {kind} is missing or broken") from error
     if not isinstance(header, dict):
         raise FileFormatError(f"{path}: the JSON header of the {kind} should be an object, but is {header!r:.40}")

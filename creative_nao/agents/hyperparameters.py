@@ -16,10 +16,12 @@ from typing import Any
 from creative_nao.agents.algorithms import Algorithm, find_algorithm
 from creative_nao.agents.literals import activation_name, parse_literal
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
+from creative_nao.untrusted import read_text
 
 FOLDER = Path(__file__).parent / "hyperparams"
 _OWN_KEYS = ("n_timesteps", "n_envs", "policy", "policy_kwargs", "env_kwargs", "normalize", "noise_type", "noise_std")
 _MAX_BYTES = 200_000
+_MAX_VALUES = 20_000
 
 
 @dataclass(frozen=True)
@@ -159,15 +161,30 @@ def _read_yaml(path: Path) -> dict[str, Any]:
 
     if not path.is_file():
         raise NotFoundError(f"no hyperparameter file at {path}; the shipped ones are in {FOLDER}")
-    if path.stat().st_size > _MAX_BYTES:
-        raise FileFormatError(f"{path}: {path.stat().st_size} bytes; a hyperparameter file has at most {_MAX_BYTES}")
+    text = read_text(path, "hyperparameter file", _MAX_BYTES)
     try:
-        found = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        loader = yaml.SafeLoader(text)
+        tree = loader.get_single_node()
+        if tree is not None and _expanded(tree, {}) > _MAX_VALUES:
+            raise FileFormatError(f"{path}: its anchors and aliases unfold to more than {_MAX_VALUES} values")
+        found = None if tree is None else loader.construct_document(tree)
+    except FileFormatError:
+        raise
+    except (yaml.YAMLError, RecursionError, ValueError, TypeError, AttributeError, KeyError, IndexError) as error:
         raise FileFormatError(f"{path}: is no YAML that can be read: {' '.join(str(error).split())}") from error
     if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):
         raise FileFormatError(f"{path}: should map names of environments to settings, but holds {found!r:.60}")
     return found
+
+
+def _expanded(node: Any, sizes: dict[int, float]) -> float:
+    """Return how many values a YAML node holds once its aliases are written out; one that holds itself is endless."""
+    if id(node) not in sizes:
+        sizes[id(node)] = float("inf")
+        inner = node.value if isinstance(node.value, list) else []
+        parts = [part for one in inner for part in (one if isinstance(one, tuple) else (one,))]
+        sizes[id(node)] = 1.0 + sum(_expanded(part, sizes) for part in parts)
+    return sizes[id(node)]
 
 
 def _number(value: Any, where: str) -> float:

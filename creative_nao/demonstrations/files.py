@@ -11,8 +11,9 @@ from creative_nao import atomic, provenance
 from creative_nao.demonstrations.csv_format import TIME_COLUMN, column_names, load_trajectory, save_trajectory
 from creative_nao.demonstrations.dataset import Demonstrations
 from creative_nao.demonstrations.keyframes import ACTIONS, DT_S
-from creative_nao.errors import FileFormatError, NotFoundError
+from creative_nao.errors import NotFoundError
 from creative_nao.joints import JOINTS
+from creative_nao.untrusted import as_json, read_text
 
 SHIPPED_FOLDER = Path(__file__).parent / "data"
 """The six basic actions that come with the package."""
@@ -81,7 +82,4 @@ def save_demonstrations(folder: str | os.PathLike[str], demos: Demonstrations) -
 def _read_record(path: Path) -> dict[str, Any] | None:
     if not path.is_file():
         return None
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(f"{path}: is not JSON ({error}); remove the file or mend it.") from None
+    return as_json(read_text(path, "record of demonstrations"), str(path))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from creative_nao.atomic import replacing
 from creative_nao.envs.observation import OUTCOMES
 from creative_nao.errors import FileFormatError, NotFoundError
 from creative_nao.pb_space import pb_grid
+from creative_nao.untrusted import read_npz, take_array, take_header, whole_number
 
 FORMAT_VERSION = 1
 KIND = "physical PB map"
@@ -158,27 +158,25 @@ class PhysicalMap:
             raise NotFoundError(
                 f"no physical map at {source}; make one with `creative-nao map MEMORY --physical --out {source}`"
             )
+        arrays = read_npz(source, KIND, largest=64 * MAX_RESOLUTION**2)
+        header = take_header(source, arrays, KIND)
+        if header.get("kind") != KIND or header.get("format_version") != FORMAT_VERSION:
+            raise FileFormatError(f"{source}: not a {KIND} of format {FORMAT_VERSION}")
         try:
-            with open(source, "rb") as stream, np.load(stream, allow_pickle=False) as content:
-                header = json.loads(bytes(content["header"]))
-                if header.get("kind") != KIND or header.get("format_version") != FORMAT_VERSION:
-                    raise FileFormatError(f"{source}: not a {KIND} of format {FORMAT_VERSION}")
-                resolution, n_done = int(header["resolution"]), int(header["n_done"])
-                if not 2 <= resolution <= MAX_RESOLUTION:
-                    raise FileFormatError(f"{source}: resolution {resolution}, expected 2 to {MAX_RESOLUTION}")
-                names = tuple(map(str, header["names"]))
-                shapes: dict[str, tuple[int, ...]] = dict.fromkeys(_ARRAYS, (resolution**2,))
-                shapes["learned_pb"] = (len(names), 2)
-                arrays = {name: content[name] for name in shapes}
-                codebook = np.array([str(word) for word in header["outcomes"]], dtype="<U16")
-                record, wall_s, cpu_s = dict(header["record"]), float(header["wall_s"]), float(header["cpu_s"])
-        except FileFormatError:
-            raise
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile, EOFError) as error:
-            raise FileFormatError(f"{source}: not a {KIND}, or a torn one: {error}") from error
-        for name, shape in shapes.items():
-            if arrays[name].shape != shape:
-                raise FileFormatError(f"{source}: `{name}` should have shape {shape}, but has {arrays[name].shape}")
+            resolution, n_done = whole_number(header["resolution"]), whole_number(header["n_done"])
+            names = tuple(map(str, header["names"]))
+            codebook = np.array([str(word) for word in header["outcomes"]], dtype="<U16")
+            record, wall_s, cpu_s = dict(header["record"]), float(header["wall_s"]), float(header["cpu_s"])
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise FileFormatError(f"{source}: not a {KIND}: its header lacks or breaks a field: {error}") from error
+        if not 2 <= resolution <= MAX_RESOLUTION:
+            raise FileFormatError(f"{source}: resolution {resolution:.6g}, expected 2 to {MAX_RESOLUTION}")
+        for name in _ARRAYS:
+            kinds = "iu" if name in (*_WORDS, "nearest") else "f"
+            take_array(source, arrays, name, (resolution**2,), kinds=kinds, finite=not unfinished)
+        take_array(source, arrays, "learned_pb", (len(names), 2), kinds="f")
+        if not unfinished and (arrays["nearest"].min() < 0 or arrays["nearest"].max() >= len(names)):
+            raise FileFormatError(f"{source}: `nearest` holds a place outside 0 to {len(names) - 1}")
         for name in _WORDS:
             if arrays[name].min() < 0 or arrays[name].max() >= len(codebook):
                 raise FileFormatError(f"{source}: `{name}` holds a code outside 0 to {len(codebook) - 1}")

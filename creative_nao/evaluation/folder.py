@@ -14,6 +14,7 @@ from creative_nao.evaluation.entrants import in_bundle
 from creative_nao.evaluation.suites import Suite
 from creative_nao.model.shipped import PRETRAINED, shipped_memories
 from creative_nao.provenance import record, sha256
+from creative_nao.untrusted import as_json, read_text
 
 RECORD = "run.json"
 
@@ -56,16 +57,20 @@ def read_record(folder: Path) -> dict[str, Any]:
     """Return the record of a run folder.
 
     Raises:
+        NotFoundError: If there is none.
         FileFormatError: If it is damaged; the message names the part.
     """
     path = folder / RECORD
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise FileFormatError(f"record {path}: not JSON ({error})") from error
+    found = as_json(read_text(path, "record of a run"), f"record {path}")
     for part in ("settings", "versions", "command"):
         if not isinstance(found, dict) or part not in found:
             raise FileFormatError(f"record {path}: `{part}` is missing")
+    for part in ("settings", "versions"):
+        if not isinstance(found[part], dict):
+            raise FileFormatError(f"record {path}: `{part}` should be a JSON object, but is {found[part]!r:.40}")
+    for part, value in (("suite", found["settings"].get("suite", {})), ("memories", found.get("memories", {}))):
+        if not isinstance(value, dict):
+            raise FileFormatError(f"record {path}: `{part}` should be a JSON object, but is {value!r:.40}")
     return found
 
 

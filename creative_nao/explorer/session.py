@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from creative_nao import atomic
-from creative_nao.errors import FileFormatError, SettingsError
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.untrusted import as_json, read_text
 
 FORMAT_VERSION = 1
 MAX_FILE_BYTES = 4_000_000
@@ -82,13 +83,11 @@ class Session:
 
 def _read(path: Path) -> list[Favourite]:
     try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise FileFormatError(f"{path}: larger than {MAX_FILE_BYTES} bytes; not a session of the explorer")
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = as_json(read_text(path, "session of the explorer", MAX_FILE_BYTES), str(path))
         if content["format_version"] != FORMAT_VERSION:
             raise FileFormatError(f"{path}: session format {content['format_version']!r}, expected {FORMAT_VERSION}")
         return [Favourite(one["memory"], one["points"], one["note"]) for one in content["favourites"]][-MAX_FAVOURITES:]
-    except FileFormatError:
+    except (FileFormatError, NotFoundError):
         raise
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise FileFormatError(f"{path}: not a session of the explorer: {error}; move it away to begin anew") from error

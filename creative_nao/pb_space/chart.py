@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from creative_nao.measures import OUTCOMES, Criteria, score
 from creative_nao.model import Memory
 from creative_nao.pb_space.grid import PAPER_RESOLUTION, pb_grid
 from creative_nao.provenance import record
+from creative_nao.untrusted import read_npz, take_array, take_header, whole_number
 
 FORMAT_VERSION = 1
 MAX_RESOLUTION = 4000
@@ -96,31 +96,30 @@ class PBMap:
         source = Path(path)
         if not source.is_file():
             raise NotFoundError(f"no PB map at {source}; make one with `creative-nao map MEMORY --out {source}`")
+        arrays = read_npz(source, "PB map", largest=16 * MAX_RESOLUTION**2)
+        header = take_header(source, arrays, "PB map")
+        if header.get("format_version") != FORMAT_VERSION:
+            raise FileFormatError(
+                f"{source}: map format {header.get('format_version')!r:.40}, expected {FORMAT_VERSION}"
+            )
         try:
-            with open(source, "rb") as stream, np.load(stream, allow_pickle=False) as content:
-                header = json.loads(bytes(content["header"]))
-                if header["format_version"] != FORMAT_VERSION:
-                    raise FileFormatError(f"{source}: map format {header['format_version']}, expected {FORMAT_VERSION}")
-                resolution, names = int(header["resolution"]), tuple(map(str, header["names"]))
-                if not 2 <= resolution <= MAX_RESOLUTION:
-                    raise FileFormatError(f"{source}: resolution {resolution}, expected 2 to {MAX_RESOLUTION}")
-                shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("outcome", "nearest", "distance"), (resolution**2,))
-                shapes["learned_pb"] = (len(names), 2)
-                arrays = {name: content[name] for name in shapes}
-        except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, EOFError) as error:
-            if isinstance(error, FileFormatError):
-                raise
-            raise FileFormatError(f"{source}: not a PB map, or a torn one: {error}") from error
-        for name, shape in shapes.items():
-            if arrays[name].shape != shape:
-                raise FileFormatError(f"{source}: `{name}` should have shape {shape}, but has {arrays[name].shape}")
-        codes = arrays["outcome"]
+            resolution, names = whole_number(header["resolution"]), tuple(map(str, header["names"]))
+            map_record = dict(header["record"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise FileFormatError(f"{source}: not a PB map: its header lacks or breaks a field: {error}") from error
+        if not 2 <= resolution <= MAX_RESOLUTION:
+            raise FileFormatError(f"{source}: resolution {resolution:.6g}, expected 2 to {MAX_RESOLUTION}")
+        codes = take_array(source, arrays, "outcome", (resolution**2,), kinds="iu")
+        nearest = take_array(source, arrays, "nearest", (resolution**2,), kinds="iu")
+        distance = take_array(source, arrays, "distance", (resolution**2,), kinds="f")
+        learned_pb = take_array(source, arrays, "learned_pb", (len(names), 2), kinds="f")
         if codes.min() < 0 or codes.max() >= len(OUTCOMES):
             raise FileFormatError(f"{source}: `outcome` holds a code outside 0 to {len(OUTCOMES) - 1}")
+        if nearest.min() < 0 or nearest.max() >= len(names):
+            raise FileFormatError(f"{source}: `nearest` holds a place outside 0 to {len(names) - 1}")
         outcome = np.array(sorted(OUTCOMES))[codes]
         return cls(
-            resolution, pb_grid(resolution), outcome, arrays["nearest"].astype(np.int64), arrays["distance"],
-            arrays["learned_pb"], names, dict(header["record"]),
+            resolution, pb_grid(resolution), outcome, nearest.astype(np.int64), distance, learned_pb, names, map_record,
         )  # fmt: skip
 
     def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from creative_nao.evaluation.paper.wording import (
     plural,
     range_cell,
 )
+from creative_nao.untrusted import as_json, read_text
 
 FILES = ("run", "results", "claims", "figures", "sensitivity")
 PAPER = "[arXiv:1805.05537](https://arxiv.org/abs/1805.05537)"
@@ -63,7 +63,7 @@ def read_content(folder: Path) -> Content:
         path = folder / f"{name}.json"
         if not path.is_file() and name != "sensitivity":
             raise NotFoundError(f"no {path}; make it with `creative-nao evaluate paper`")
-        found[name] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+        found[name] = as_json(read_text(path, "results"), f"results {path}") if path.is_file() else None
     return Content(**found)
 
 

@@ -15,9 +15,11 @@ from creative_nao.evaluation.entrants import check_entrant
 from creative_nao.evaluation.suites.model import Suite, Taught
 from creative_nao.model import SPLITS, split_memories
 from creative_nao.model.shipped import shipped_memories
+from creative_nao.untrusted import read_text
 
 MENTAL = "CreativeNao/BoxingMental-v0"
 SUFFIX = ".toml"
+MAX_FILE_BYTES = 200_000
 
 WORDS = {"str": "text in quotes", "int": "a whole number", "float": "a number", "list": "a list"}
 
@@ -31,13 +33,19 @@ def read_suite(path: Path) -> Suite:
         SettingsError: If a key is unknown, missing, of another type or out of range; the message names it.
     """
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise NotFoundError(f"no suite at {path}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileFormatError(f"suite {path}: not TOML ({error})") from error
-    suite = suite_from_values({"name": path.stem, **values}, where=f"suite {path}")
-    _check_names(suite, f"suite {path}")
+        values = tomllib.loads(read_text(path, "suite", MAX_FILE_BYTES))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, FileFormatError):
+            raise
+        reason = "it is nested too deeply" if isinstance(error, RecursionError) else error
+        raise FileFormatError(f"suite {path}: not TOML ({reason})") from error
+    try:
+        suite = suite_from_values({"name": path.stem, **values}, where=f"suite {path}")
+        _check_names(suite, f"suite {path}")
+    except (SettingsError, NotFoundError) as error:
+        if str(path) in str(error):
+            raise
+        raise type(error)(f"suite {path}: {error}") from error
     return suite
 
 
