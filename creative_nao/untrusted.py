@@ -144,7 +144,8 @@ def _array_name(where: str, member: str) -> str:
 
 def _array(file: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
     where = f"{file}: the array `{_array_name(file, member.filename)[:60]}`"
-    content = archive.read(member)
+    with archive.open(member) as stream:
+        content = stream.read(member.file_size)  # `read()` would unpack all there is, whatever the contents announce
     width = {1: 2, 2: 4, 3: 4}.get(content[6] if len(content) > 6 else 0)
     if not content.startswith(b"\x93NUMPY") or width is None:
         raise FileFormatError(f"{where} is not in NumPy's format")
