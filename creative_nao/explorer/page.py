@@ -13,6 +13,7 @@ from nicegui import events, run, ui
 from nicegui.elements.scene.scene_object3d import Object3D
 
 from creative_nao.explorer import discover, panels
+from creative_nao.explorer.attribution_strip import strip_html
 from creative_nao.explorer.body import angles_message
 from creative_nao.explorer.charting import Charting
 from creative_nao.explorer.curves import curves_svg
@@ -174,7 +175,7 @@ class Tab:
         self.movement = angles_message(recall.trajectory, dt_s), angles_message(basic, dt_s)
         self._replay()
         self.status.text = describe(recall, self.mind)
-        self.curves.content = curves_svg(recall, self.mind)
+        self.curves.content = curves_svg(recall, self.mind) + strip_html(recall, self.mind)
         pb = recall.pb
         self.first.value, self.second.value = round(pb[0], 3), round(pb[1], 3)
         ui.navigate.history.replace(address(self.points))

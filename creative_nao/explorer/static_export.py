@@ -92,7 +92,8 @@ def _modules() -> dict[str, str]:
             'a page of its own needs NiceGUI\'s 3-D library: pip install "creative-nao[explore]"'
         )
     library = Path(found.origin).parent / "elements" / "scene" / "dist" / "index.js"
-    sources = {"nicegui-scene": library, "cn-robot": STATIC / "robot.js", "cn-network": STATIC / "network.js"}
+    sources = {"nicegui-scene": library}
+    sources |= {f"cn-{name}": STATIC / f"{name}.js" for name in ("robot", "network", "attribution")}
     return {name: _address("text/javascript", path.read_bytes()) for name, path in sources.items()}
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from creative_nao.cli import main
-from creative_nao.measures import score
+from creative_nao.measures import attribution, score
 from creative_nao.model import load_memory
 
 
@@ -46,6 +46,25 @@ def test_a_path_in_the_page_is_that_of_the_memory(page):
     memory, path = load_memory("half/0"), [[-0.5, -0.2], [0.1, 0.4], [0.6, 0.0]]
     made = page.evaluate("(path) => memory.recall(path).angles", path)
     np.testing.assert_allclose(made, memory.generate_path(path), atol=1e-3)
+
+
+def test_the_strip_in_the_page_is_that_of_the_measures(page):
+    memory = load_memory("half/0")
+    points = np.concatenate([memory.pb[:3], np.random.default_rng(1).uniform(-1, 1, (20, 2))])
+    made = page.evaluate(
+        """async (points) => {
+            const { distances, stretches } = await import("cn-attribution");
+            return points.map((pb) => {
+                const found = distances(memory.recall([pb]).angles, memory.demonstrations, memory.dt);
+                return [found, stretches(found).map((one) => [one.first, one.end, one.action])];
+            });
+        }""",
+        points.tolist(),
+    )
+    truth = [attribution(one, memory.demonstrations) for one in memory.generate(points)]
+    np.testing.assert_allclose([one[0] for one in made], [one.distances for one in truth], atol=2e-3)
+    assert [one[1] for one in made] == [[list(part[:3]) for part in one.stretches()] for one in truth]
+    assert page.locator(".cn-resembles").inner_text().startswith("Resembles ")
 
 
 def test_it_answers_pointer_and_keys_and_the_robot_plays(page):

@@ -2,6 +2,7 @@
 import { THREE, OrbitControls } from "nicegui-scene";
 import Robot from "cn-robot";
 import { Memory } from "cn-network";
+import { strip } from "cn-attribution";
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const memory = (window.memory = new Memory(data.memory));
@@ -55,6 +56,7 @@ function show(wanted) {
   byId("status").textContent =
     `${where}; ${WORDS[recall.outcome]}; nearest ${letter} ${memory.names[recall.nearest]}; novelty ${recall.novelty.toFixed(1)}`;
   byId("curves").innerHTML = memory.order.map((joint) => curve(recall, joint)).join("");
+  byId("strip").innerHTML = strip(recall.angles, memory);
   robot?.perform({ dt: memory.dt, angles: recall.angles }, { dt: memory.dt, angles: memory.demonstrations[recall.nearest] });
   marks();
 }
