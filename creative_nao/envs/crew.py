@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import queue
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
 import numpy as np
@@ -38,13 +38,30 @@ class Crew:
         """Return what `function` makes of each piece, in order; an error of one is raised here."""
         if self.n_threads == 1 or len(pieces) < 2:
             return [function(piece) for piece in pieces]
+        return list(self._threads().map(function, pieces))
+
+    def share(self, work: Callable[[np.ndarray], None], places: np.ndarray) -> None:
+        """Cut places into even pieces, one a thread unless they would become too small, and let each be worked on.
+
+        The calling thread takes the first piece, which saves waking another.
+
+        Args:
+            work: Called with some of the places; keeps what it finds where no other piece does.
+            places: Shape (m,).
+        """
+        first, *others = np.array_split(places, max(1, min(self.n_threads, len(places) // LEAST)))
+        started = [self._threads().submit(work, piece) for piece in others]
+        try:
+            work(first)
+        finally:
+            wait(started)  # also after an error: nobody may still write when the caller goes on
+        for one in started:
+            one.result()
+
+    def _threads(self) -> ThreadPoolExecutor:
         if self._pool is None:
             self._pool = ThreadPoolExecutor(self.n_threads, thread_name_prefix="creative-nao")
-        return list(self._pool.map(function, pieces))
-
-    def pieces(self, places: np.ndarray) -> list[np.ndarray]:
-        """Cut places into even pieces, one a thread, unless they would become too small."""
-        return np.array_split(places, max(1, min(self.n_threads, len(places) // LEAST)))
+        return self._pool
 
     def close(self) -> None:
         """End the threads; a later call of `map` starts new ones."""

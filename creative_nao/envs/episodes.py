@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from creative_nao.envs.bank import Bank, Facts, MemoryLike
-from creative_nao.envs.crew import Crew
 from creative_nao.envs.knowledge import Knowledge
 from creative_nao.envs.known_kernel import judge_rows
 from creative_nao.envs.observation import APPROPRIATE, OUTCOMES, Observer, Part, layout, observation_space
@@ -56,6 +55,20 @@ class Scored:
     def appropriate(self) -> np.ndarray:
         """Which movements joined the repertoire, (m,) of bool."""
         return self.outcome < len(APPROPRIATE)
+
+
+class Weighed(NamedTuple):
+    """How m movements compare, before any of them is judged; arrays over them.
+
+    Attributes:
+        distances: DTW distance to everything the robot knows [rad], (m, lanes), as `Knowledge.compare` tells it.
+        too_fast: Whether a joint is commanded faster than allowed, (m,) of bool.
+        excursion: How far the most moving joint travels [rad], (m,).
+    """
+
+    distances: np.ndarray
+    too_fast: np.ndarray
+    excursion: np.ndarray
 
 
 class Episodes:
@@ -145,13 +158,41 @@ class Episodes:
             out[places] = _generated(self.facts[robots[places[0]]], pb[places])
         return out
 
+    def room(self, n: int) -> tuple[np.ndarray, Weighed]:
+        """Return arrays, not filled yet, for n movements and what `weigh` says of them."""
+        first = self.bank.first
+        generated = np.empty((n, first.n_steps, len(first.demonstrations.joints)))
+        return generated, Weighed(np.empty((n, self.knowledge.n_lanes)), np.empty(n, bool), np.empty(n))
+
+    def weigh(self, robots: np.ndarray, generated: np.ndarray, trajectories: np.ndarray) -> Weighed:
+        """Compare a movement of each robot with what it knows. Changes nothing, so that threads may share the work.
+
+        Args:
+            robots: Whose movements these are, shape (m,).
+            generated: What was commanded [rad], (m, n_steps, n_joints).
+            trajectories: What came of it [rad], the same shape.
+
+        Raises:
+            ShapeError: If an angle is not finite.
+        """
+        too_fast, excursion = np.zeros(len(robots), bool), np.zeros(len(robots))
+        bad = judge_rows(
+            robots, generated, trajectories, self._dt_s, self._speed_limit, too_fast, excursion
+        )  # fmt: skip
+        if bad >= 0:
+            raise ShapeError(
+                f"a memory should generate, and a robot measure, finite angles, but movement {bad} of "
+                f"{len(robots)} holds one that is not"
+            )
+        return Weighed(self.knowledge.compare(robots, trajectories), too_fast, excursion)
+
     def score(
         self,
         robots: np.ndarray,
         pb: np.ndarray,
         generated: np.ndarray,
         performed: Sequence[Performed] | None = None,
-        crew: Crew | None = None,
+        weighed: Weighed | None = None,
     ) -> Scored:
         """Score a movement of each robot, let appropriate ones join the repertoires and bring observations up to date.
 
@@ -160,10 +201,10 @@ class Episodes:
             pb: The PB vectors of each, (m, n, n_pb).
             generated: What was commanded [rad], (m, n_steps, n_joints).
             performed: What came of it; None if the generated movements themselves are scored.
-            crew: Threads that help.
+            weighed: What `weigh` says of them, if it was asked already.
         """
         trajectories = generated if performed is None else np.stack([one.trajectory for one in performed])
-        distances, too_fast, excursion = self._weigh(robots, generated, trajectories, crew)
+        distances, too_fast, excursion = self.weigh(robots, generated, trajectories) if weighed is None else weighed
         to_basic = distances[:, : self.knowledge.n_basic]
         nearest = to_basic.argmin(axis=1)
         distance = to_basic.min(axis=1)
@@ -185,24 +226,6 @@ class Episodes:
             robots, pb=pb, outcome=outcome, nearest=nearest, novelty=distance / scale, known=known, reward=reward
         )
         return Scored(robots, trajectories, outcome, nearest, distance, known_distance, reward)
-
-    def _weigh(
-        self, robots: np.ndarray, generated: np.ndarray, trajectories: np.ndarray, crew: Crew | None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        too_fast, excursion = np.zeros(len(robots), bool), np.zeros(len(robots))
-        bad = judge_rows(
-            robots, generated, trajectories, self._dt_s, self._speed_limit, too_fast, excursion
-        )  # fmt: skip
-        if bad >= 0:
-            raise ShapeError(
-                f"a memory should generate, and a robot measure, finite angles, but movement {bad} of "
-                f"{len(robots)} holds one that is not"
-            )
-        if crew is None:
-            return self.knowledge.compare(robots, trajectories), too_fast, excursion
-        pieces = crew.pieces(np.arange(len(robots)))
-        found = crew.map(lambda piece: self.knowledge.compare(robots[piece], trajectories[piece]), pieces)
-        return np.concatenate(found), too_fast, excursion
 
     def state(self, robot: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         """Return one robot's episode as JSON-able values and arrays, for `restore`."""

@@ -35,6 +35,11 @@ class Knowledge:
         self.sizes = np.full(n_robots, n_basic, np.int64)
         self.scale = np.ones(n_robots)
 
+    @property
+    def n_lanes(self) -> int:
+        """How many known movements `compare` has room for."""
+        return self._known.shape[3]
+
     def teach(self, robot: int, demonstrations: Demonstrations, scale: float) -> None:
         """Let a robot know these basic actions and nothing else."""
         for lane, trajectory in enumerate(demonstrations.trajectories):

@@ -16,7 +16,7 @@ from gymnasium.vector.utils import batch_space
 
 from creative_nao.envs.bank import MemoryLike
 from creative_nao.envs.crew import Bodies, Crew
-from creative_nao.envs.episodes import Episodes, Scored
+from creative_nao.envs.episodes import Episodes, Scored, Weighed
 from creative_nao.envs.performers import FRAME_DT_S, Mind, Performed, SharedScene, check_arms
 from creative_nao.envs.repertoire_env import EPISODE_ACTIONS, check_n_actions, checked_pb, told
 from creative_nao.envs.screen import Screen
@@ -217,29 +217,63 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self, robots: np.ndarray, pb: np.ndarray
     ) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Let copies act; return rewards, the terms of all of them and those of copies that finished a movement."""
-        scored, terms = self._finish(robots, pb[:, None], self._generate(robots, pb))
+        if isinstance(self._performer, Bodies) or self._screen.wanted:
+            generated, weighed = self._generate(robots, pb), None
+        else:
+            generated, weighed = self._imagine(robots, pb)
+        scored, terms = self._finish(robots, pb[:, None], generated, weighed)
         done = self._episodes.n_actions[robots]
         self._episodes.observer.put(robots, "step", np.minimum(done / self.n_actions, 1.0))
         return scored.reward, {"pb": pb, "step": done}, {"robots": robots, **terms}
 
-    def _generate(self, robots: np.ndarray, pb: np.ndarray) -> np.ndarray:
+    def _by_memory(self, robots: np.ndarray) -> np.ndarray:
         # Copies of one memory are generated together, so they go to the same thread as far as possible.
-        order = np.argsort([id(self._episodes.facts[robot]) for robot in robots], kind="stable")
-        pieces = self._crew.pieces(order)
-        if len(pieces) == 1:
-            return self._episodes.generate(robots, pb)
-        found = self._crew.map(lambda piece: self._episodes.generate(robots[piece], pb[piece]), pieces)
-        out = np.empty((len(robots), *found[0].shape[1:]))
-        for piece, trajectories in zip(pieces, found, strict=True):
-            out[piece] = trajectories
-        return out
+        return np.argsort([id(self._episodes.facts[robot]) for robot in robots], kind="stable")
+
+    def _generate(self, robots: np.ndarray, pb: np.ndarray) -> np.ndarray:
+        generated, _ = self._episodes.room(len(robots))
+
+        def work(piece: np.ndarray) -> None:
+            generated[piece] = self._episodes.generate(robots[piece], pb[piece])
+
+        self._crew.share(work, self._by_memory(robots))
+        return generated
+
+    def _imagine(self, robots: np.ndarray, pb: np.ndarray) -> tuple[np.ndarray, Weighed]:
+        """Generate and weigh at once: what is only imagined need not wait until all have generated."""
+        generated, weighed = self._episodes.room(len(robots))
+
+        def work(piece: np.ndarray) -> None:
+            mine = self._episodes.generate(robots[piece], pb[piece])
+            generated[piece] = mine
+            self._put(weighed, piece, robots, mine, mine)
+
+        self._crew.share(work, self._by_memory(robots))
+        return generated, weighed
+
+    def _put(
+        self, weighed: Weighed, piece: np.ndarray, robots: np.ndarray, generated: np.ndarray, trajectories: np.ndarray
+    ) -> None:
+        for array, values in zip(weighed, self._episodes.weigh(robots[piece], generated, trajectories), strict=True):
+            array[piece] = values
+
+    def _weigh(self, robots: np.ndarray, generated: np.ndarray, performed: list[Performed] | None) -> Weighed:
+        trajectories = generated if performed is None else np.stack([one.trajectory for one in performed])
+        _, weighed = self._episodes.room(len(robots))
+        self._crew.share(
+            lambda piece: self._put(weighed, piece, robots, generated[piece], trajectories[piece]),
+            np.arange(len(robots)),
+        )
+        return weighed
 
     def _finish(
-        self, robots: np.ndarray, pb: np.ndarray, generated: np.ndarray
+        self, robots: np.ndarray, pb: np.ndarray, generated: np.ndarray, weighed: Weighed | None = None
     ) -> tuple[Scored, dict[str, np.ndarray]]:
         """Have the movements of copies performed and scored; pb: (m, n, n_pb)."""
         performed = self._perform(robots, generated)
-        scored = self._episodes.score(robots, pb, generated, performed, self._crew)
+        if weighed is None:
+            weighed = self._weigh(robots, generated, performed)
+        scored = self._episodes.score(robots, pb, generated, performed, weighed)
         terms = self._terms(scored)
         if performed is not None:
             for name in performed[0].figures:
