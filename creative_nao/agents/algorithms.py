@@ -9,6 +9,11 @@ from typing import Any
 
 from creative_nao.errors import MissingDependencyError, NotFoundError, nearest_name
 
+CELL_POLICY = "creative_nao.agents.cell_policy.CellPolicy"
+"""PPO's policy over the cells of the PB space; a dotted path, as RL Zoo reads it."""
+CELL_SAC_POLICY = "creative_nao.agents.cell_sac.CellSACPolicy"
+"""The same for SAC."""
+
 
 @dataclass(frozen=True)
 class Algorithm:
@@ -45,7 +50,10 @@ class Algorithm:
             ) from error
 
     def policy_class(self, policy: str) -> Any:
-        """Return the class of a policy, such as `MlpPolicy`."""
+        """Return the class of a policy, one of `policies`."""
+        if policy in (CELL_POLICY, CELL_SAC_POLICY):
+            module, _, name = policy.rpartition(".")
+            return getattr(importlib.import_module(module), name)
         return self.load().policy_aliases[policy]
 
     def parameters(self) -> dict[str, inspect.Parameter]:
@@ -60,8 +68,10 @@ class Algorithm:
 ALGORITHMS = {
     one.name: one
     for one in (
-        Algorithm("ppo", "stable_baselines3", "PPO", on_policy=True),
-        Algorithm("sac", "stable_baselines3", "SAC", on_policy=False, acting="actor."),
+        Algorithm("ppo", "stable_baselines3", "PPO", on_policy=True, policies=("MlpPolicy", CELL_POLICY)),
+        Algorithm(
+            "sac", "stable_baselines3", "SAC", on_policy=False, policies=("MlpPolicy", CELL_SAC_POLICY), acting="actor."
+        ),
         Algorithm("td3", "stable_baselines3", "TD3", on_policy=False, acting="actor."),
         Algorithm("recurrent_ppo", "sb3_contrib", "RecurrentPPO", on_policy=True, policies=("MlpLstmPolicy",)),
         Algorithm("tqc", "sb3_contrib", "TQC", on_policy=False, acting="actor."),

@@ -19,7 +19,10 @@ from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, n
 from creative_nao.untrusted import read_text
 
 FOLDER = Path(__file__).parent / "hyperparams"
-_OWN_KEYS = ("n_timesteps", "n_envs", "policy", "policy_kwargs", "env_kwargs", "normalize", "noise_type", "noise_std")
+_OWN_KEYS = ("n_timesteps", "n_envs", "policy", "policy_kwargs", "env_kwargs", "normalize", "noise_type", "noise_std",
+             "vec_env_wrapper")  # fmt: skip
+AUGMENTATION = "creative_nao.agents.augmentation.FlippedSwappedAxes"
+"""The one `vec_env_wrapper` there is, as RL Zoo reads it: training episodes with flipped and swapped PB axes."""
 _MAX_BYTES = 200_000
 _MAX_VALUES = 20_000
 
@@ -37,6 +40,7 @@ class Hyperparameters:
         env_kwargs: Settings of the training environment.
         arguments: Settings of the algorithm; a rate that falls to zero is written ``lin_0.001``.
         noise_std: Standard deviation of the normal noise added to actions in training, or None.
+        augment: Whether training episodes flip and swap the axes of the PB space.
     """
 
     algorithm: str
@@ -47,12 +51,15 @@ class Hyperparameters:
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     arguments: dict[str, Any] = field(default_factory=dict)
     noise_std: float | None = None
+    augment: bool = False
 
     def as_zoo(self) -> dict[str, Any]:
         """Return them as an entry of RL Zoo's format."""
         found: dict[str, Any] = {"n_timesteps": self.n_timesteps, "n_envs": self.n_envs, "policy": self.policy}
         if self.env_kwargs:
             found["env_kwargs"] = self.env_kwargs
+        if self.augment:
+            found["vec_env_wrapper"] = AUGMENTATION
         if self.noise_std is not None:
             found |= {"noise_type": "normal", "noise_std": self.noise_std}
         found |= self.arguments
@@ -119,6 +126,9 @@ def check_entry(algorithm: str, entry: Any, where: str) -> Hyperparameters:
             f"{where}: `normalize` should be false, but is {entry['normalize']!r}: observations already lie in "
             "[-1, 1], and a bundle holds no running statistics"
         )
+    wrapper = entry.get("vec_env_wrapper")
+    if wrapper not in (None, AUGMENTATION):
+        raise SettingsError(f"{where}: `vec_env_wrapper` should be {AUGMENTATION}, or left out, but is {wrapper!r}")
     policy = str(entry.get("policy", known.policies[0]))
     if policy not in known.policies:
         raise SettingsError(f"{where}: `policy` should be {' or '.join(known.policies)}, but is {policy!r}")
@@ -132,6 +142,7 @@ def check_entry(algorithm: str, entry: Any, where: str) -> Hyperparameters:
         arguments={key: _argument(key, value, parameters[key].default, where) for key, value in entry.items()
                    if key in parameters},
         noise_std=_noise(entry, where, known),
+        augment=wrapper is not None,
     )  # fmt: skip
     _check_rollout(made, known, where)
     return made

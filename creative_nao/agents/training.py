@@ -89,15 +89,18 @@ def make_model(plan: TrainingPlan) -> Any:
     from stable_baselines3.common.noise import NormalActionNoise
     from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
+    from creative_nao.agents.augmentation import FlippedSwappedAxes
     from creative_nao.envs import SB3VecEnv
 
     torch.set_num_threads(1)  # networks this small gain nothing from more, and lose much on busy cores
     chosen = plan.hyperparameters
     arguments = {**chosen.env_kwargs, "memory": plan.memory}
     if check_env(plan.env).vector_entry_point is not None:
-        envs: Any = VecMonitor(SB3VecEnv(plan.env, chosen.n_envs, n_threads=1, **arguments))
+        native: Any = SB3VecEnv(plan.env, chosen.n_envs, n_threads=1, **arguments)
+        envs: Any = VecMonitor(FlippedSwappedAxes(native) if chosen.augment else native)
     else:
         envs = DummyVecEnv([lambda: Monitor(gym.make(plan.env, **arguments))] * chosen.n_envs)
+        envs = FlippedSwappedAxes(envs) if chosen.augment else envs
     extra = {name: schedule(value) for name, value in chosen.arguments.items()}
     if isinstance(extra.get("train_freq"), list):
         extra["train_freq"] = tuple(extra["train_freq"])
@@ -106,8 +109,14 @@ def make_model(plan: TrainingPlan) -> Any:
         extra["action_noise"] = NormalActionNoise(np.zeros(shape), np.full(shape, chosen.noise_std))
     policy_kwargs = resolve_policy_kwargs(chosen.policy_kwargs)
     try:
-        return find_algorithm(chosen.algorithm).load()(
-            chosen.policy, envs, seed=plan.seed, device="cpu", policy_kwargs=policy_kwargs, **extra
+        algorithm = find_algorithm(chosen.algorithm)
+        return algorithm.load()(
+            algorithm.policy_class(chosen.policy),
+            envs,
+            seed=plan.seed,
+            device="cpu",
+            policy_kwargs=policy_kwargs,
+            **extra,
         )
     except (ValueError, TypeError, AssertionError) as error:
         envs.close()

@@ -176,13 +176,24 @@ def _restore_buffer(model: Any, values: dict[str, Any], arrays: dict[str, np.nda
 
 def _envs(model: Any) -> Any:
     """Return what tells and takes the exact state of all copies: the native vector environment."""
-    inner = getattr(getattr(model.get_env(), "venv", None), "venv", None)
+    adapter = getattr(model.get_env(), "venv", None)
+    if _turned(model) is not None:
+        adapter = getattr(adapter, "venv", None)
+    inner = getattr(adapter, "venv", None)
     if not hasattr(inner, "get_state"):
         raise SettingsError(
             f"{model.get_env()}: its environments have no `get_state`, so no checkpoint can be written; "
             "train on one of this project's"
         )
     return inner
+
+
+def _turned(model: Any) -> Any:
+    """Return the wrapper that flips and swaps PB axes, or None."""
+    from creative_nao.agents.augmentation import FlippedSwappedAxes
+
+    wrapper = getattr(model.get_env(), "venv", None)
+    return wrapper if isinstance(wrapper, FlippedSwappedAxes) else None
 
 
 def _capture_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
@@ -197,6 +208,8 @@ def _capture_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarr
         monitor.episode_lengths.copy(),
     )
     values["monitor"] = int(monitor.episode_count)
+    if (turned := _turned(model)) is not None:
+        values["turned"], arrays["turned"] = turned.get_state()
 
 
 def _restore_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
@@ -209,6 +222,8 @@ def _restore_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarr
     monitor.episode_returns = arrays["monitor.returns"].copy()
     monitor.episode_lengths = arrays["monitor.lengths"].copy()
     monitor.episode_count = values["monitor"]
+    if (turned := _turned(model)) is not None:
+        turned.set_state(values["turned"], arrays["turned"])
 
 
 def _copied(tensor: Any) -> np.ndarray:

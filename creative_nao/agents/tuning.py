@@ -14,12 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from creative_nao import atomic
-from creative_nao.agents.algorithms import find_algorithm
+from creative_nao.agents.algorithms import CELL_POLICY, CELL_SAC_POLICY, find_algorithm
 from creative_nao.agents.hyperparameters import Hyperparameters, read_hyperparameters
 from creative_nao.agents.training import TrainingPlan, train_agent
 from creative_nao.errors import MissingDependencyError, SettingsError
 
 _WIDTHS = (32, 64, 128)
+_CELL_WIDTHS = (8, 16, 24)
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,8 @@ def suggest(trial: Any, start: Hyperparameters) -> Hyperparameters:
         arguments["ent_coef"] = trial.suggest_categorical("ent_coef", [0.0, 0.001, 0.01])
         arguments["n_epochs"] = trial.suggest_int("n_epochs", 4, 16)
         arguments["gae_lambda"] = trial.suggest_categorical("gae_lambda", [0.8, 0.9, 0.95, 1.0])
-        policy_kwargs["log_std_init"] = trial.suggest_float("log_std_init", -1.5, 0.5)
+        if start.policy != CELL_POLICY:
+            policy_kwargs["log_std_init"] = trial.suggest_float("log_std_init", -1.5, 0.5)
     else:
         arguments["gradient_steps"] = trial.suggest_int("gradient_steps", 1, 8)
         arguments["batch_size"] = trial.suggest_categorical("batch_size", [64, 128, 256])
@@ -135,6 +137,9 @@ def suggest(trial: Any, start: Hyperparameters) -> Hyperparameters:
             arguments["tau"] = trial.suggest_categorical("tau", [0.005, 0.01, 0.02, 0.05])
         if noise is not None:
             noise = trial.suggest_float("noise_std", 0.05, 0.8)
+    if start.policy in (CELL_POLICY, CELL_SAC_POLICY):
+        policy_kwargs["width"] = trial.suggest_categorical("width", list(_CELL_WIDTHS))
+        return start.replace(arguments=arguments, policy_kwargs=policy_kwargs)
     width = trial.suggest_categorical("width", list(_WIDTHS))
     layers = policy_kwargs.get("net_arch", [64, 64])
     policy_kwargs["net_arch"] = (

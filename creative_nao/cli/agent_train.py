@@ -50,6 +50,8 @@ class TrainAgentSettings:
     """Decisions in training; default: those of the hyperparameter file."""
     conf_file: Path | None = None
     """Hyperparameters as YAML in RL Zoo's format; default: the shipped ones."""
+    augment: bool | None = None
+    """Flip and swap the axes of the PB space anew in each training episode; default: as the hyperparameters say."""
     memory: str = "train"
     """Memory, or part of the bank, to train on; never a test memory."""
     validation_memory: str = "validation"
@@ -141,6 +143,8 @@ def _plan(settings: TrainAgentSettings) -> TrainingPlan:
     chosen = read_hyperparameters(settings.algorithm, settings.env, settings.conf_file)
     if settings.timesteps is not None:
         chosen = chosen.replace(n_timesteps=settings.timesteps)
+    if settings.augment is not None:
+        chosen = chosen.replace(augment=settings.augment)
     find_algorithm(settings.algorithm).load()
     return TrainingPlan(
         chosen,
@@ -198,6 +202,8 @@ def _command(settings: TrainAgentSettings, plan: TrainingPlan) -> str:
     words.append(f"--seed {settings.seed} --timesteps {plan.hyperparameters.n_timesteps}")
     if settings.conf_file is not None:
         words.append(f"--conf-file {settings.conf_file.name}")
+    if settings.augment is not None:
+        words.append(f"--augment {settings.augment}")
     for field in dataclasses.fields(settings):
         if field.name in ("memory", "validation_memory", "evaluation_interval", "score_seeds"):
             value = getattr(settings, field.name)

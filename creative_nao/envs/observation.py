@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from gymnasium.spaces import Box
 
+from creative_nao.errors import SettingsError
+
 OUTCOMES = (
     "learned",
     "unlearned",
@@ -85,6 +87,29 @@ def observation_space(parts: tuple[Part, ...]) -> Box:
     low = np.concatenate([np.full(part.size, part.low, np.float32) for part in parts])
     high = np.concatenate([np.full(part.size, part.high, np.float32) for part in parts])
     return Box(low, high, dtype=np.float32)
+
+
+def cells_of(space: Box, n_pb: int) -> slice:
+    """Return where an observation tells about the cells of PB space.
+
+    The bounds of the vector say it: after the PB, the cells are the first values that may be negative.
+
+    Args:
+        space: Space of the observations of one of this project's environments.
+        n_pb: PB units.
+
+    Raises:
+        SettingsError: If there is no such stretch.
+    """
+    negative = np.flatnonzero(space.low[n_pb:] < 0.0) + n_pb if len(space.shape) == 1 else np.empty(0, np.int64)
+    size = N_CELLS**n_pb
+    found = slice(int(negative[0]), int(negative[0]) + size) if len(negative) >= size else slice(0)
+    if found.stop == 0 or np.any(space.low[found] >= 0.0) or space.low[found.stop] < 0.0:
+        raise SettingsError(
+            f"`observation_space` should tell {size} cells of a PB space with {n_pb} units, as the observations of "
+            f"CreativeNao/ environments do, but is {space}"
+        )
+    return found
 
 
 class Observer:

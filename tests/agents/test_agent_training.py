@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from creative_nao.agents import BundleHeader, TrainedPolicy, load_agent, make_agent, save_bundle
-from creative_nao.agents.algorithms import ALGORITHMS
-from creative_nao.agents.hyperparameters import check_entry
+from creative_nao.agents.algorithms import ALGORITHMS, CELL_POLICY, CELL_SAC_POLICY
+from creative_nao.agents.hyperparameters import AUGMENTATION, check_entry
 from creative_nao.agents.judging import play_episodes
 from creative_nao.agents.replay import replay, score_policy
 from creative_nao.agents.training import TrainingPlan, train_agent
@@ -35,10 +35,15 @@ ENTRIES = {
     "tqc": {**OFF, "policy_kwargs": {**NETS, "n_quantiles": 5}},
     "crossq": {**OFF, "policy_kwargs": NETS},
 }
+CELLS = {"policy_kwargs": {"width": 4, "n_layers": 1}, "vec_env_wrapper": AUGMENTATION}
+CELL_ENTRIES = {
+    "ppo": {**ON, **CELLS, "policy": CELL_POLICY, "learning_rate": "lin_0.01"},
+    "sac": {**OFF, **CELLS, "policy": CELL_SAC_POLICY},
+}
 
 
-def plan(algorithm, **changes):
-    chosen = check_entry(algorithm, ENTRIES[algorithm], "test")
+def plan(algorithm, entries=ENTRIES, **changes):
+    chosen = check_entry(algorithm, entries[algorithm], "test")
     values = {"evaluation_interval": 60, "checkpoint_interval": 60, "judged_seeds": (0,), "judged_memory": "half/10"}
     return TrainingPlan(chosen, env=ENV, judged_env=ENV, memory="train", **{**values, **changes})
 
@@ -61,9 +66,13 @@ def state_of(path):
     return header, arrays
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_a_resumed_training_equals_an_uninterrupted_one_bit_for_bit(algorithm, tmp_path):
-    chosen = plan(algorithm)
+@pytest.mark.parametrize(
+    ("algorithm", "entries"),
+    [*((one, ENTRIES) for one in ALGORITHMS), *((one, CELL_ENTRIES) for one in CELL_ENTRIES)],
+    ids=[*ALGORITHMS, *(f"{one} over cells, augmented" for one in CELL_ENTRIES)],
+)
+def test_a_resumed_training_equals_an_uninterrupted_one_bit_for_bit(algorithm, entries, tmp_path):
+    chosen = plan(algorithm, entries)
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     straight, record = train_agent(chosen, checkpoint=whole)
     interrupted(chosen, broken, at=90)
@@ -132,22 +141,27 @@ def test_no_training_sees_a_test_memory(memory):
         dataclasses.replace(plan("ppo"), judged_memory=memory)
 
 
-@pytest.fixture(params=sorted(ALGORITHMS))
+@pytest.fixture(
+    params=[*((one, ENTRIES) for one in sorted(ALGORITHMS)), *((one, CELL_ENTRIES) for one in CELL_ENTRIES)],
+    ids=[*sorted(ALGORITHMS), *(f"{one} over cells, augmented" for one in CELL_ENTRIES)],
+)
 def scored_bundle(request, tmp_path):
-    chosen = plan(request.param)
+    algorithm, entries = request.param
+    chosen = plan(algorithm, entries)
     policy, _ = train_agent(chosen)
     header = BundleHeader(
-        request.param, chosen.hyperparameters, ENV, "train", 0, 240, policy.observation_space, policy.action_space,
+        algorithm, chosen.hyperparameters, ENV, "train", 0, 240, policy.observation_space, policy.action_space,
         command="the command",
     )  # fmt: skip
     score = score_policy(TrainedPolicy(header, policy), ENV, ("half/10", "open/10"), (0, 1), deterministic=False)
     return save_bundle(tmp_path / "agent", dataclasses.replace(header, score=score), policy)
 
 
-def test_a_bundle_replays_its_recorded_score_exactly(scored_bundle):
+def test_a_bundle_replays_its_recorded_score_exactly(scored_bundle, request):
     loaded = load_agent(scored_bundle)
     assert loaded.header.score is not None
     assert loaded.header.command == "the command"
+    assert loaded.header.settings.augment == ("cells" in request.node.callspec.id)
     assert replay(loaded) == loaded.header.score
     agent = make_agent(loaded.header.agent, scored_bundle)
     assert make_agent(str(scored_bundle)).name == agent.name == loaded.header.agent

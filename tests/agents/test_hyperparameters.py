@@ -43,7 +43,11 @@ def test_a_wrong_algorithm_brings_the_nearest():
         ("ppo", {"use_sde": 1}, "`use_sde` should be true or false, but is 1"),
         ("ppo", {"batch_size": 7}, r"`batch_size` should divide n_envs \* n_steps = 2048, but is 7"),
         ("ppo", {"normalize": True}, "`normalize` should be false, but is True: observations already lie"),
-        ("ppo", {"policy": "CnnPolicy"}, "`policy` should be MlpPolicy, but is 'CnnPolicy'"),
+        (
+            "ppo",
+            {"policy": "CnnPolicy"},
+            r"`policy` should be MlpPolicy or creative_nao.*\.CellPolicy, but is 'CnnPolicy'",
+        ),
         ("ppo", {"policy_kwargs": {"net_arc": []}}, r"no setting `net_arc` \(did you mean `net_arch`\?\) of MlpPolicy"),
         ("ppo", {"policy_kwargs": "dict(activation_fn=nn.Relu)"}, r"no activation `nn.Relu` \(did you mean `ReLU`\?\)"),
         ("ppo", {"noise_type": "normal", "noise_std": 0.1}, "`noise_type` is for algorithms with a replay buffer"),

@@ -1,5 +1,6 @@
 """`creative-nao agent train | run | tune`: what they write, print and refuse."""
 
+import csv
 import json
 import signal
 import subprocess
@@ -132,3 +133,31 @@ def test_tuning_searches_resumes_and_writes_what_training_reads(conf_file, tmp_p
     assert read_hyperparameters("ppo", ENV, out / "ppo.yml").n_timesteps == 120
     assert main([*words, "--trials", "2", "--resume", "--seed", "5"]) == 2
     assert "is a search with other settings" in capsys.readouterr().err
+
+
+def test_tensorboard_gets_what_the_csv_file_gets(conf_file, tmp_path):
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    out = tmp_path / "logged"
+    words = ["--conf-file", conf_file, "--validation-memory", "half/10", "--score-seeds", "1"]
+    assert main(["agent", "train", "ppo", *words, "--out", str(out), "--tensorboard"]) == 0
+    (file,) = (out / "tensorboard").iterdir()
+    assert file.name.startswith("events.out.tfevents.")
+    found = EventAccumulator(str(file)).Reload()
+    assert {"rollout/ep_rew_mean", "train/value_loss", "validation/mean_reward"} <= set(found.Tags()["scalars"])
+    rows = list(csv.DictReader((out / "progress.csv").read_text().splitlines()))
+    losses = [(int(row["n_decisions"]), float(row["train/value_loss"])) for row in rows if row["train/value_loss"]]
+    told = [(one.step, one.value) for one in found.Scalars("train/value_loss")]
+    assert [step for step, _ in told] == [step for step, _ in losses]
+    assert [value for _, value in told] == pytest.approx([value for _, value in losses], rel=1e-6)
+
+
+def test_augmentation_asked_for_is_recorded(conf_file, tmp_path, capsys):
+    out = tmp_path / "turned"
+    words = ["--conf-file", conf_file, "--validation-memory", "half/10", "--score-seeds", "1", "--augment", "True"]
+    assert main(["agent", "train", "ppo", *words, "--out", str(out), "--json"]) == 0
+    header = load_agent(out / "agent.safetensors").header
+    assert header.settings.augment
+    assert " --augment True " in header.command
+    assert main(["agent", "run", str(out / "agent.safetensors"), "--replay"]) == 0
+    assert "reproduced exactly" in capsys.readouterr().out
