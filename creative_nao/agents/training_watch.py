@@ -7,11 +7,13 @@ long within one; when it is asked to stop there, the state before that rollout i
 from __future__ import annotations
 
 import csv
+import io
 import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from creative_nao import atomic
 from creative_nao.agents.algorithms import find_algorithm
 from creative_nao.agents.training_record import TrainingRecord
 from creative_nao.agents.training_state import TrainingState, capture, restore, restore_random
@@ -53,10 +55,11 @@ def watch(
             self.rows.append({"n_decisions": step, **{k: v for k, v in key_values.items() if isinstance(v, int | float)
                                                       or hasattr(v, "item")}})  # fmt: skip
             heads = list(dict.fromkeys(head for row in self.rows for head in row))
-            with self.path.open("w", encoding="utf-8", newline="") as stream:
-                writer = csv.DictWriter(stream, heads, lineterminator="\n")
-                writer.writeheader()
-                writer.writerows(self.rows)
+            text = io.StringIO()
+            writer = csv.DictWriter(text, heads, lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(self.rows)
+            atomic.write_text(self.path, text.getvalue())
 
         def close(self) -> None:
             """Nothing is kept open."""

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import importlib
 import io
 import os
 import re
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
 from typing import Any
 
+from creative_nao.atomic import DISK_FAULTS
 from creative_nao.errors import CreativeNaoError, nearest_name
 
 PROGRAM = "creative-nao"
@@ -31,12 +33,10 @@ COMMANDS = {
 """Command: its file in this folder, its settings class and what it is for."""
 
 USER_ERROR, INTERRUPTED = 2, 130
-DISK_FAULTS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.ENOENT, errno.ENAMETOOLONG}
-"""What a full, read-only or vanished place to write answers."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command line and return its exit code: 0, 2 for a user's mistake, 130 after Ctrl-C."""
+    """Run a command line and return its exit code: 0, 2 for a user's mistake, 130 after Ctrl-C or SIGTERM."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0] in ("-h", "--help"):
         print(overview())  # noqa: T201 - the command's output
@@ -47,7 +47,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"{PROGRAM} {__version__}")  # noqa: T201 - the command's output
         return 0
     try:
-        return _run(words[0], words[1:])
+        with _terminated_like_interrupted():
+            return _run(words[0], words[1:])
     except CreativeNaoError as error:
         return _fail(str(error))
     except (FileExistsError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
@@ -82,6 +83,23 @@ def overview() -> str:
             f"A first look, in minutes: {PROGRAM} evaluate quick",
         ]
     )
+
+
+@contextlib.contextmanager
+def _terminated_like_interrupted() -> Iterator[None]:
+    """While inside, SIGTERM ends the work as Ctrl-C does, so that nothing half-written and no worker is left behind."""
+
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _run(name: str, words: list[str]) -> int:

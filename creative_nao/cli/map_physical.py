@@ -32,9 +32,9 @@ def run_physical(
             checkpoint=checkpoint,
         )
     chart.save(out)
-    checkpoint.unlink()
     picture = out.with_suffix(".png")
     chart.plot(picture, colour=colour)
+    checkpoint.unlink(missing_ok=True)  # last: a run killed before goes on from it and only writes again
     found = {**chart.summary(), "out": [str(out), str(picture)]}
     if as_json:
         print(json.dumps(found))  # noqa: T201 - the command's output

@@ -71,11 +71,18 @@ def load_demonstrations(
 
 
 def save_demonstrations(folder: str | os.PathLike[str], demos: Demonstrations) -> Path:
-    """Write each action as `<name>.csv` and the record as `record.json`, every file in one step; return the folder."""
+    """Write each action as `<name>.csv` and the record as `record.json`, every file in one step; return the folder.
+
+    Raises:
+        NotFoundError: If files vanished while the others were written: fewer actions must not pass for all.
+    """
     folder = Path(folder)
-    for name, trajectory in zip(demos.names, demos.trajectories, strict=True):
-        save_trajectory(folder / f"{name}.csv", trajectory, demos.dt_s, demos.joints)
+    paths = [folder / f"{name}.csv" for name in demos.names]
+    for path, trajectory in zip(paths, demos.trajectories, strict=True):
+        save_trajectory(path, trajectory, demos.dt_s, demos.joints)
     atomic.write_text(folder / RECORD_NAME, json.dumps(demos.record, indent=2) + "\n")
+    if gone := [path.name for path in paths if not path.exists()]:
+        raise NotFoundError(f"{folder}: {gone[0]} vanished while the others were written; write them again.")
     return folder
 
 

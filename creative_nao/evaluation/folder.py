@@ -40,17 +40,22 @@ def open_folder(
     fresh = {**record(settings=settings, command=command), "memories": memory_hashes(suite)}
     path = folder / RECORD
     if not resume:
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        if _holds_something(folder):
             raise SettingsError(
                 f"`--out` {folder} exists and is not empty; add --resume to continue it, or choose another folder"
             )
         write_record(folder, fresh)
         return fresh
     if not path.is_file():
-        raise NotFoundError(f"nothing to resume in {folder}: it has no {RECORD}; leave out --resume to start there")
+        way = "choose another folder" if _holds_something(folder) else "leave out --resume to start there"
+        raise NotFoundError(f"nothing to resume in {folder}: it has no {RECORD}; {way}")
     found = read_record(folder)
     _same_run(folder, found, fresh)
     return found
+
+
+def _holds_something(folder: Path) -> bool:
+    return folder.exists() and (not folder.is_dir() or any(folder.iterdir()))
 
 
 def read_record(folder: Path) -> dict[str, Any]:

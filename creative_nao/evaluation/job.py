@@ -31,6 +31,11 @@ def main(arguments: list[str]) -> int:
     except CreativeNaoError as error:
         sys.stderr.write(f"{error}\n")
         return 2
+    except OSError as error:
+        if error.errno not in atomic.DISK_FAULTS:
+            raise
+        sys.stderr.write(f"{error.filename}: {error.strerror}\n")
+        return 2
     return 0
 
 

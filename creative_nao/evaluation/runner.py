@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from creative_nao import atomic
 from creative_nao.errors import CreativeNaoError, SettingsError
 from creative_nao.evaluation.job import PARENT
 from creative_nao.evaluation.jobs import Job, read_result, write_spec
@@ -148,7 +149,7 @@ class _Run:
         for worker in [worker for worker in self.workers if worker.process.poll() is not None]:
             self.workers.remove(worker)
             job, code = worker.job, worker.process.returncode
-            job.progress_path(self.folder).unlink(missing_ok=True)
+            self._forget_progress(job)
             result = read_result(job, self.folder) if code == 0 else None
             if result is not None:
                 self.results[job.name] = result
@@ -156,8 +157,11 @@ class _Run:
                 self._fail(job, code)
 
     def _fail(self, job: Job, code: int) -> None:
-        lines = job.log_path(self.folder).read_text(encoding="utf-8", errors="replace").strip().splitlines()
-        said = lines[-1] if lines else "it said nothing"
+        try:
+            lines = job.log_path(self.folder).read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        except OSError:
+            lines = []
+        said = lines[-1] if lines else "it could say nothing, perhaps because its log cannot be written"
         ended = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
         tries = f"{self.attempts[job.name]} attempts, " if self.attempts[job.name] > 1 else ""
         self.failures[job.name] = said if code == 2 else f"{tries}{ended}, {said}"
@@ -172,10 +176,15 @@ class _Run:
             if worker.process.poll() is None:
                 worker.process.kill()
                 worker.process.wait()
-            worker.job.progress_path(self.folder).unlink(missing_ok=True)
+        for worker in self.workers:
+            self._forget_progress(worker.job)
         self.workers.clear()
-        for torn in self.folder.glob("*/.*"):  # what a killed worker was about to write
-            torn.unlink(missing_ok=True)
+        for part in ("jobs", *{Path(path).parent for job in self.jobs for path in job.writes}):
+            atomic.sweep(self.folder / part)  # what a killed worker was about to write
+
+    def _forget_progress(self, job: Job) -> None:
+        with contextlib.suppress(OSError):  # a folder that has vanished or turned read-only is told by who writes there
+            job.progress_path(self.folder).unlink(missing_ok=True)
 
     def _share_of(self, worker: _Worker) -> float:
         """Return how much of a running job is done: what it reports, else what its expected duration suggests."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -108,23 +109,31 @@ def keep(tab: Tab, note: str = "") -> None:
     """Keep the movement shown as a favourite."""
     if tab.recall is not None:
         points = tuple((float(x), float(y)) for x, y in tab.points)
-        tab.exhibit.session.add(Favourite(tab.key, points, note[:MAX_NOTE]))
-        tab.refresh_favourites()
+        _changed(tab, tab.exhibit.session.add, Favourite(tab.key, points, note[:MAX_NOTE]))
+
+
+def _changed(tab: Tab, change: Callable[[Favourite], None], favourite: Favourite) -> bool:
+    """Change the favourites and show them; tell the user when they cannot be written."""
+    try:
+        change(favourite)
+    except (OSError, CreativeNaoError) as error:
+        ui.notify(f"The favourites stay as they were: {error}", type="negative")
+        return False
+    tab.refresh_favourites()
+    return True
 
 
 def favourites(tab: Tab) -> None:
     """Lay out the favourites; a removed one can be kept again at once."""
 
     def forget(favourite: Favourite) -> None:
-        tab.exhibit.session.remove(favourite)
-        tab.refresh_favourites()
-        undo.set_visibility(True)
-        forgotten.append(favourite)
+        if _changed(tab, tab.exhibit.session.remove, favourite):
+            undo.set_visibility(True)
+            forgotten.append(favourite)
 
     def restore() -> None:
-        if forgotten:
-            tab.exhibit.session.add(forgotten.pop())
-            tab.refresh_favourites()
+        if forgotten and _changed(tab, tab.exhibit.session.add, forgotten[-1]):
+            forgotten.pop()
         undo.set_visibility(bool(forgotten))
 
     def add() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import threading
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -49,6 +50,8 @@ def default_path() -> Path:
 class Session:
     """The favourites of all memories in one file; every change is written at once.
 
+    Several explorers may share the file: a change begins from what stands there then.
+
     Args:
         path: The file; it need not exist.
 
@@ -66,19 +69,25 @@ class Session:
         return [one for one in self._favourites if one.memory == memory]
 
     def add(self, favourite: Favourite) -> None:
-        """Keep one more; the oldest gives way when there are too many."""
-        with self._lock:
-            self._write([*self._favourites, favourite][-MAX_FAVOURITES:])
+        """Keep one more; the oldest gives way when there are too many.
+
+        Raises:
+            OSError: If the file cannot be written; the favourites then are as they were.
+            FileFormatError: If the file has become no session of ours.
+        """
+        self._change(lambda found: [*found, favourite][-MAX_FAVOURITES:])
 
     def remove(self, favourite: Favourite) -> None:
-        """Forget one."""
-        with self._lock:
-            self._write([one for one in self._favourites if one != favourite])
+        """Forget one; raises like `add`."""
+        self._change(lambda found: [one for one in found if one != favourite])
 
-    def _write(self, favourites: list[Favourite]) -> None:
-        content = {"format_version": FORMAT_VERSION, "favourites": [asdict(one) for one in favourites]}
-        atomic.write_text(self.path, json.dumps(content, indent=1) + "\n")
-        self._favourites = favourites
+    def _change(self, change: Callable[[list[Favourite]], list[Favourite]]) -> None:
+        with self._lock, atomic.alone(self.path.parent):
+            # A file that has vanished is written again from what is remembered here.
+            favourites = change(_read(self.path) if self.path.exists() else self._favourites)
+            content = {"format_version": FORMAT_VERSION, "favourites": [asdict(one) for one in favourites]}
+            atomic.write_text(self.path, json.dumps(content, indent=1) + "\n")
+            self._favourites = favourites
 
 
 def _read(path: Path) -> list[Favourite]:

@@ -84,9 +84,11 @@ def train_many(
 
     def one(training: TrainingSettings) -> Trained:
         path = None if out is None else out(training)
-        if resume and path is not None and path.exists():
-            return Trained(training, _finished(path, training), None)
         checkpoint = None if path is None else checkpoint_of(path)
+        if resume and path is not None and checkpoint is not None and path.exists():
+            finished = _finished(path, training)
+            checkpoint.unlink(missing_ok=True)  # of a run that was killed just after it wrote the memory
+            return Trained(training, finished, None)
         try:
             memory = train_network(
                 demonstrations, training, network, checkpoint=checkpoint, checkpoint_interval=checkpoint_interval,
