@@ -48,6 +48,8 @@ def capture(model: Any) -> TrainingState:
     arrays["last_obs"] = model._last_obs.copy()
     arrays["last_episode_starts"] = np.array(model._last_episode_starts, dtype=bool)
     values["episodes"] = [[float(one["r"]), int(one["l"]), float(one["t"])] for one in model.ep_info_buffer]
+    # Their mean is logged, and a mean of single precision has other bits.
+    values["single_precision"] = any(isinstance(one["r"], np.float32) for one in model.ep_info_buffer)
     if (states := getattr(model, "_last_lstm_states", None)) is not None:
         for place, tensor in enumerate((*states.pi, *states.vf)):
             arrays[f"lstm.{place}"] = _copied(tensor)
@@ -79,7 +81,8 @@ def restore(model: Any, state: TrainingState) -> None:
         part = "episodes"
         model._last_obs = arrays["last_obs"].copy()
         model._last_episode_starts = arrays["last_episode_starts"].copy()
-        told = ({"r": r, "l": length, "t": t} for r, length, t in values["episodes"])
+        number = np.float32 if values.get("single_precision") else float
+        told = ({"r": number(r), "l": length, "t": t} for r, length, t in values["episodes"])
         model.ep_info_buffer = deque(told, maxlen=model._stats_window_size)
         model.ep_success_buffer = deque(maxlen=model._stats_window_size)
         if (states := getattr(model, "_last_lstm_states", None)) is not None:

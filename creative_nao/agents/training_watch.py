@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,11 +49,11 @@ def watch(
             if n_decisions and path.is_file():
                 with path.open(encoding="utf-8", newline="") as stream:
                     rows = [dict(row) for row in csv.DictReader(stream)]
-                self.rows = [row for row in rows if int(row.get("n_decisions") or 0) < n_decisions]
+                # The row of the very decision at which the checkpoint was made was written before it.
+                self.rows = [row for row in rows if int(row.get("n_decisions") or 0) <= n_decisions]
 
         def write(self, key_values: dict[str, Any], key_excluded: dict[str, Any], step: int = 0) -> None:
-            self.rows.append({"n_decisions": step, **{k: v for k, v in key_values.items() if isinstance(v, int | float)
-                                                      or hasattr(v, "item")}})  # fmt: skip
+            self.rows.append({"n_decisions": step, **_numbers(key_values)})
             heads = list(dict.fromkeys(head for row in self.rows for head in row))
             text = io.StringIO()
             writer = csv.DictWriter(text, heads, lineterminator="\n")
@@ -84,6 +84,8 @@ def watch(
                 tensorboard.mkdir(parents=True, exist_ok=True)
                 writers.append(TensorBoardOutputFormat(str(tensorboard)))
             model.set_logger(Logger(str(logs.parent) if logs else None, writers))
+            if state is not None:
+                _log_again(model.logger, state)
             return model.num_timesteps
 
         def finish(self, model: Any) -> None:
@@ -91,7 +93,7 @@ def watch(
             self.model = model
             self._judge_if_due(last=True)
             if checkpoint is not None and self.saved < model.num_timesteps:
-                record.save(checkpoint, plan.as_json(), capture(model))
+                record.save(checkpoint, plan.as_json(), _whole_state(model))
             import torch
 
             model.policy.load_state_dict({k: torch.from_numpy(v.copy()) for k, v in record.best_weights.items()})
@@ -104,14 +106,14 @@ def watch(
                 restore_random(self.model, state)
                 self.fresh = False
             elif stop.is_set():
-                self._leave(capture(self.model))
+                self._leave(_whole_state(self.model))
             self._judge_if_due()
             n_done = self.model.num_timesteps
             if progress is not None:
                 progress(record, n_done)
             due = n_done // plan.checkpoint_interval > max(self.saved, 0) // plan.checkpoint_interval
             if checkpoint is not None and (on_policy or due):
-                self.kept = capture(self.model)
+                self.kept = _whole_state(self.model)
                 if due:
                     record.save(checkpoint, plan.as_json(), self.kept)
                     self.saved = n_done
@@ -147,3 +149,28 @@ def watch(
             self.logger.record("validation/mean_reward", sum(rewards) / len(rewards))
 
     return Watch()
+
+
+def _numbers(logged: Mapping[str, Any]) -> dict[str, int | float]:
+    """Return the numbers among what was logged, as Python's own."""
+    plain = {name: value.item() if hasattr(value, "item") else value for name, value in logged.items()}
+    return {name: value for name, value in plain.items() if isinstance(value, int | float)}
+
+
+def _whole_state(model: Any) -> TrainingState:
+    """Return the state with what was logged since the last row: the next row tells it."""
+    found, counts = capture(model), model.logger.name_to_count
+    # As text, since what is logged may be no number, which JSON does not know.
+    found.values["logged"] = {
+        name: [repr(value), counts.get(name, 0), list(model.logger.name_to_excluded.get(name, ()))]
+        for name, value in _numbers(model.logger.name_to_value).items()
+    }
+    return found
+
+
+def _log_again(logger: Any, state: TrainingState) -> None:
+    for name, (text, count, excluded) in state.values.get("logged", {}).items():
+        logger.name_to_value[name] = int(text) if text.lstrip("-").isdigit() else float(text)
+        logger.name_to_excluded[name] = tuple(excluded)
+        if count:
+            logger.name_to_count[name] = count
