@@ -49,7 +49,7 @@ def capture(model: Any) -> TrainingState:
     arrays["last_episode_starts"] = np.array(model._last_episode_starts, dtype=bool)
     values["episodes"] = [[float(one["r"]), int(one["l"]), float(one["t"])] for one in model.ep_info_buffer]
     # Their mean is logged, and a mean of single precision has other bits.
-    values["single_precision"] = any(isinstance(one["r"], np.float32) for one in model.ep_info_buffer)
+    values["single_precision"] = any(getattr(one["r"], "dtype", None) == np.float32 for one in model.ep_info_buffer)
     if (states := getattr(model, "_last_lstm_states", None)) is not None:
         for place, tensor in enumerate((*states.pi, *states.vf)):
             arrays[f"lstm.{place}"] = _copied(tensor)
