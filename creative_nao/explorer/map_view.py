@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from base64 import b64encode
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -52,6 +54,13 @@ def map_picture(chart: PBMap, colouring: str = "nearest action") -> Image.Image:
     border[:, 1:] |= region[:, 1:] != region[:, :-1]
     pixels[border] = rgb(INK)
     return Image.fromarray(np.round(255 * pixels).astype(np.uint8))
+
+
+def map_address(chart: PBMap, colouring: str = "nearest action") -> str:
+    """Return the picture of `map_picture` as a data address, so that showing it needs no room on a disk."""
+    stream = io.BytesIO()
+    map_picture(chart, colouring).quantize(256).save(stream, format="PNG")
+    return f"data:image/png;base64,{b64encode(stream.getvalue()).decode()}"
 
 
 def _cells(chart: PBMap, colouring: str) -> np.ndarray:

@@ -17,7 +17,7 @@ from creative_nao.explorer.attribution_strip import strip_html
 from creative_nao.explorer.body import angles_message
 from creative_nao.explorer.charting import Charting
 from creative_nao.explorer.curves import curves_svg
-from creative_nao.explorer.map_view import COLOURINGS, Mark, map_picture, overlay, to_pb
+from creative_nao.explorer.map_view import COLOURINGS, Mark, map_address, overlay, to_pb
 from creative_nao.explorer.maps import content_hash
 from creative_nao.explorer.mind import Mind, Recall, as_coordinate
 from creative_nao.explorer.session import MAX_POINTS, Session
@@ -100,7 +100,7 @@ class Tab:
 
     def _build_map(self) -> None:
         chart = self.exhibit.charting.chart
-        self.map = ui.interactive_image(map_picture(chart), events=["pointerdown", "pointermove", "pointerup"])
+        self.map = ui.interactive_image(map_address(chart), events=["pointerdown", "pointermove", "pointerup"])
         label = f"Map of the PB space: {KEYS_HELP}"
         self.map.classes("cn-map").mark("map").props(f'tabindex=0 role=application aria-label="{label}"')
         touched = "(e) => { if ((e.buttons & 1) || e.mouse_event_type === 'pointerup') emit(e) }"
@@ -249,7 +249,7 @@ class Tab:
         await self.show(np.array([[as_coordinate(self.first.value), as_coordinate(self.second.value)]]))
 
     def _recolour(self) -> None:
-        self.map.set_source(map_picture(self.exhibit.charting.chart, str(self.colouring.value)))
+        self.map.set_source(map_address(self.exhibit.charting.chart, str(self.colouring.value)))
 
     def _finer(self) -> None:
         if self.exhibit.charting.finished.is_set():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import io
 import json
 from base64 import b64encode
 from importlib import util
@@ -17,7 +16,7 @@ from creative_nao import atomic
 from creative_nao.errors import MissingDependencyError
 from creative_nao.explorer.body import Body
 from creative_nao.explorer.curves import ORDER
-from creative_nao.explorer.map_view import map_picture
+from creative_nao.explorer.map_view import map_address
 from creative_nao.explorer.maps import cached_map
 from creative_nao.explorer.mind import Mind
 from creative_nao.explorer.words import spoken
@@ -46,7 +45,7 @@ def write_page(memory: Memory, target: Path, resolution: int = PAPER_RESOLUTION)
     page = Template((STATIC / "alone.html").read_text(encoding="utf-8")).substitute(
         name=html.escape(memory.name),
         style=(STATIC / "page.css").read_text(encoding="utf-8"),
-        map=_map_address(memory, resolution),
+        map=map_address(cached_map(memory, resolution)),
         legend="; ".join(f"{action_letter(k)} {spoken(name)}" for k, name in enumerate(mind.names))
         + ". Strong colour: like the basic action; faint: new; hatched: too fast or not moving.",
         data=_in_script(json.dumps({"memory": memory_data(mind), "robot": Body().description()})),
@@ -95,12 +94,6 @@ def _modules() -> dict[str, str]:
     sources = {"nicegui-scene": library}
     sources |= {f"cn-{name}": STATIC / f"{name}.js" for name in ("robot", "network", "attribution")}
     return {name: _address("text/javascript", path.read_bytes()) for name, path in sources.items()}
-
-
-def _map_address(memory: Memory, resolution: int) -> str:
-    stream = io.BytesIO()
-    map_picture(cached_map(memory, resolution)).quantize(256).save(stream, format="PNG", optimize=True)
-    return _address("image/png", stream.getvalue())
 
 
 def _address(kind: str, content: bytes) -> str:

@@ -76,6 +76,7 @@ def document(end):
     return read
 
 
+# The last column of the table is the time.
 READERS = {
     ".safetensors": tensors,
     ".checkpoint": tensors,
@@ -83,7 +84,7 @@ READERS = {
     ".csv": table,
     ".png": picture,
     ".json": lambda path: timeless(json.loads(path.read_text(encoding="utf-8"))),
-    ".md": lambda path: path.read_text(encoding="utf-8"),
+    ".md": lambda path: [line.rsplit("|", 2)[0] for line in path.read_text(encoding="utf-8").splitlines()],
     ".html": document("</html>"),
     ".svg": document("</svg>"),
 }
