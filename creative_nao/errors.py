@@ -9,9 +9,26 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+LONGEST_MESSAGE = 990
+"""Characters; a message quotes files, and a file may hold a name of a megabyte."""
+
 
 class CreativeNaoError(Exception):
-    """Base of all errors that a user of creative_nao can cause."""
+    """Base of all errors that a user of creative_nao can cause.
+
+    A message is one line of at most `LONGEST_MESSAGE` characters. What it quotes may come from a stranger's file: line
+    ends, terminal commands and other characters that cannot be seen are written as escapes.
+    """
+
+    def __init__(self, message: object = "") -> None:
+        text = str(message)
+        if len(text) > LONGEST_MESSAGE:
+            text = f"{text[: LONGEST_MESSAGE // 2]} [...] {text[-(LONGEST_MESSAGE // 2 - 7) :]}"
+        super().__init__(text if text.isprintable() else "".join(map(_visible, text))[:LONGEST_MESSAGE])
+
+
+def _visible(mark: str) -> str:
+    return mark if mark.isprintable() else " " if mark == "\n" else ascii(mark)[1:-1]
 
 
 class ShapeError(CreativeNaoError, ValueError):
@@ -40,5 +57,5 @@ class TrainingError(CreativeNaoError, ArithmeticError):
 
 def nearest_name(name: str, known: Iterable[str]) -> str:
     """Return `` (did you mean `x`?)`` for the known name most like `name`, else an empty string."""
-    matches = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    matches = difflib.get_close_matches(name[:100], [word for word in known if len(word) <= 100], n=1, cutoff=0.5)
     return f" (did you mean `{matches[0]}`?)" if matches else ""

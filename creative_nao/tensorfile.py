@@ -15,10 +15,13 @@ import numpy as np
 
 from creative_nao.atomic import write_bytes
 from creative_nao.errors import FileFormatError
-from creative_nao.untrusted import read_bytes
+from creative_nao.fields import Fields
+from creative_nao.untrusted import as_json, as_text, read_bytes
 
 MAX_HEADER_BYTES = 1_000_000
 MAX_FILE_BYTES = 256_000_000
+_DTYPES = ("F64", "F32", "F16", "I64", "I32", "I16", "I8", "U64", "U32", "U16", "U8", "BOOL")
+"""Kinds of values that NumPy has too."""
 
 
 def save_tensors(
@@ -55,10 +58,10 @@ def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, 
     path = Path(path)
     content = read_bytes(path, f"{kind} file", MAX_FILE_BYTES)
     metadata = _check_frame(path, kind, content)
-    try:
-        header = json.loads(metadata["creative_nao"])
-    except (KeyError, TypeError, ValueError, RecursionError) as error:
-        raise FileFormatError(f"{path}: the JSON header of the {kind} is missing or broken") from error
+    told = metadata.get("creative_nao")
+    if not isinstance(told, str):
+        raise FileFormatError(f"{path}: the JSON header of the {kind} is missing or broken")
+    header = as_json(told, f"{path}: the header of the {kind}")
     if not isinstance(header, dict):
         raise FileFormatError(f"{path}: the JSON header of the {kind} should be an object, but is {header!r:.40}")
     found = header.pop("kind", None)
@@ -79,28 +82,43 @@ def _check_frame(path: Path, kind: str, content: bytes) -> dict[str, Any]:
         raise FileFormatError(f"{path}: no {kind} file: its first 8 bytes announce a header of {length} bytes")
     if 8 + length > len(content):
         raise FileFormatError(f"{path}: the header is torn: {length} bytes announced, {len(content) - 8} are there")
-    try:
-        table = json.loads(content[8 : 8 + length])
-        entries = {name: entry["data_offsets"] for name, entry in table.items() if name != "__metadata__"}
-        metadata = table.get("__metadata__", {})
-        ends = {name: (int(start), int(end)) for name, (start, end) in entries.items()}
-    except (UnicodeDecodeError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise FileFormatError(f"{path}: no {kind} file: its header is not a safetensors header") from error
+    foreign = f"{path}: no {kind} file: its header is not a safetensors header"
+    table = as_json(as_text(content[8 : 8 + length], foreign, "header"), foreign)
+    if not isinstance(table, dict):
+        raise FileFormatError(foreign)
+    metadata = table.pop("__metadata__", {})
     if not isinstance(metadata, dict):
         raise FileFormatError(f"{path}: no {kind} file: its header has no metadata")
     available = len(content) - 8 - length
-    for name, (_, end) in sorted(ends.items(), key=lambda item: item[1]):
-        if end > available:
+    for name, entry in table.items():
+        described = Fields(entry, f"{path}: the array `{name[:60]}`")
+        ends = described.listed("data_offsets", most=2)
+        if len(ends) != 2 or any(type(end) is not int or end < 0 for end in ends):
+            raise described.refuse("data_offsets", "two places in the file")
+        if described.any("dtype") not in _DTYPES:
+            raise described.refuse("dtype", f"one of {', '.join(_DTYPES)}")
+        if ends[1] > available:
             raise FileFormatError(
-                f"{path}: the array `{name}` is torn: it ends at byte {end} of the data, {available} are there"
+                f"{path}: the array `{name[:60]}` is torn: it ends at byte {ends[1]} of the data, {available} are there"
             )
     return metadata
 
 
 def take(
-    path: str | os.PathLike[str], tensors: dict[str, np.ndarray], name: str, shape: tuple[int | None, ...]
+    path: str | os.PathLike[str],
+    tensors: dict[str, np.ndarray],
+    name: str,
+    shape: tuple[int | None, ...],
+    dtype: type[np.generic] | None = None,
 ) -> np.ndarray:
     """Return the array `name` after checking its shape (None matches any size) and that all values are finite.
+
+    Args:
+        path: The file, for messages.
+        tensors: Its arrays.
+        name: Which one.
+        shape: What it should be.
+        dtype: Kind of its values; None takes any floating kind.
 
     Raises:
         FileFormatError: If it is missing or does not fit; the message names the file and the array.
@@ -112,6 +130,8 @@ def take(
     if not fits:
         expected = ", ".join("any" if e is None else str(e) for e in shape)
         raise FileFormatError(f"{path}: the array `{name}` should have shape ({expected}), but has {array.shape}")
+    if dtype is not None and array.dtype != dtype:
+        raise FileFormatError(f"{path}: the array `{name}` should hold {np.dtype(dtype)}, but holds {array.dtype}")
     if not np.issubdtype(array.dtype, np.floating) or not np.isfinite(array).all():
         raise FileFormatError(f"{path}: the array `{name}` should hold finite numbers, but does not")
     return array

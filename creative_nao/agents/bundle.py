@@ -18,9 +18,11 @@ from gymnasium.spaces import Box
 from creative_nao.agents.algorithms import find_algorithm
 from creative_nao.agents.hyperparameters import Hyperparameters, check_entry, resolve_policy_kwargs
 from creative_nao.agents.judging import Score
+from creative_nao.agents.policy_settings import nets_of
 from creative_nao.agents.ppo import PPOSettings, build_policy, settings_from
 from creative_nao.agents.shipped import find_bundle
 from creative_nao.errors import CreativeNaoError, FileFormatError
+from creative_nao.fields import Fields, shown
 from creative_nao.provenance import versions
 from creative_nao.tensorfile import load_tensors, save_tensors
 
@@ -29,6 +31,10 @@ if TYPE_CHECKING:
 
 KIND = "agent bundle"
 FORMAT_VERSION = 1
+MAX_VALUES = 10_000
+"""Of an observation or an action."""
+MAX_BOUND = 1e30
+"""Largest bound of a space; float32 ends at 3e38."""
 
 
 @dataclass(frozen=True)
@@ -116,13 +122,14 @@ def load_bundle(path: str | Path) -> TrainedPolicy:
 
     path = find_bundle(path)
     described, arrays = load_tensors(path, kind=KIND)
-    if described.get("format_version") != FORMAT_VERSION:
+    if type(described.get("format_version")) is not int or described["format_version"] != FORMAT_VERSION:
         raise FileFormatError(
             f"agent bundle {path}: header part `format_version` should be {FORMAT_VERSION}, "
-            f"but is {described.get('format_version')!r}"
+            f"but is {shown(described.get('format_version'))}"
         )
-    weights = {name: torch.from_numpy(array) for name, array in arrays.items()}
     header = _header(path, described)
+    _check_sizes(path, header, arrays)
+    weights = {name: torch.from_numpy(array) for name, array in arrays.items()}
     policy = _build(path, header)
     acting = _acting(header.settings)
     expected_weights = {name: tensor for name, tensor in policy.state_dict().items() if name.startswith(acting)}
@@ -155,20 +162,45 @@ def _header(path: Path, described: dict[str, Any]) -> BundleHeader:
         values: dict[str, Any] = {}
         for part, kind in (("agent", str), ("env", str), ("memory", str), ("seed", int), ("n_actions_training", int)):
             values[part] = described[part]
-            if not isinstance(values[part], kind):
-                raise TypeError(f"should be {kind.__name__}, but is {values[part]!r}")
+            if type(values[part]) is not kind:
+                raise TypeError(f"should be {kind.__name__}, but is {shown(values[part])}")
+            if kind is int and values[part] < 0:
+                raise ValueError(f"should be at least 0, but is {values[part]}")
+        for part in ("command", "machine"):
+            values[part] = described.get(part, "")
+            if not isinstance(values[part], str):
+                raise TypeError(f"should be text, but is {shown(values[part])}")
         part = "versions"
         found = {str(name): str(value) for name, value in described[part].items()}
         part = "score"
         score = Score.from_json(described[part]) if part in described else None
     except KeyError:
         raise FileFormatError(f"agent bundle {path}: header part `{part}` is missing or incomplete") from None
-    except (CreativeNaoError, TypeError, ValueError, AttributeError, AssertionError) as error:
+    except (CreativeNaoError, TypeError, ValueError, AttributeError, AssertionError, OverflowError) as error:
         raise FileFormatError(f"agent bundle {path}: header part `{part}`: {error}") from error
     return BundleHeader(
         settings=settings, observation_space=observation_space, action_space=action_space, versions=found, score=score,
-        command=str(described.get("command", "")), machine=str(described.get("machine", "")), **values,
+        **values,
     )  # fmt: skip
+
+
+def _check_sizes(path: Path, header: BundleHeader, arrays: dict[str, np.ndarray]) -> None:
+    """Refuse a file whose weights do not have the sizes that its header declares, before a policy is built of them."""
+    settings, where = header.settings, f"agent bundle {path}: header part `settings`"
+    for name, array in arrays.items():
+        if array.dtype.kind not in "fi":
+            raise FileFormatError(
+                f"agent bundle {path}: weights `{name[:60]}` should be numbers, but are {array.dtype}"
+            )
+    sizes = {size for array in arrays.values() for size in array.shape}
+    if isinstance(settings, PPOSettings):
+        declared = list(settings.hidden)
+    else:
+        declared = nets_of(settings.policy_kwargs.get("net_arch"), "`net_arch`").get("pi", [])
+        declared += [settings.policy_kwargs[name] for name in ("lstm_hidden_size",) if name in settings.policy_kwargs]
+    for width in (*declared, *header.observation_space.shape):
+        if width not in sizes:
+            raise FileFormatError(f"{where}: a layer of {width} units is declared, but no weights have that size")
 
 
 def _describe_settings(settings: PPOSettings | Hyperparameters) -> dict[str, Any]:
@@ -201,7 +233,7 @@ def _build(path: Path, header: BundleHeader) -> Any:
             lambda _: 0.0,
             **resolve_policy_kwargs(settings.policy_kwargs),
         )
-    except (TypeError, ValueError, AssertionError, RuntimeError) as error:
+    except Exception as error:  # whatever a class of another package says to settings out of a stranger's file
         raise FileFormatError(f"agent bundle {path}: header part `settings`: no policy can be made: {error}") from error
 
 
@@ -214,8 +246,19 @@ def _describe_box(space: Box) -> dict[str, Any]:
     }
 
 
-def _read_box(described: dict[str, Any]) -> Box:
-    shape, dtype = tuple(described["shape"]), np.dtype(described["dtype"])
-    low = np.array(described["low"], dtype=dtype).reshape(shape)
-    high = np.array(described["high"], dtype=dtype).reshape(shape)
-    return Box(low, high, dtype=dtype.type)
+def _read_box(described: Any) -> Box:
+    found = Fields(described, "it")
+    shape, dtype = found.listed("shape", most=1), found.text("dtype")
+    if len(shape) != 1 or type(shape[0]) is not int or not 1 <= shape[0] <= MAX_VALUES:
+        raise found.refuse("shape", f"one number from 1 to {MAX_VALUES}")
+    if dtype != "float32":
+        raise found.refuse("dtype", "float32")
+    sides = []
+    for name in ("low", "high"):
+        side = found.listed(name, most=shape[0])
+        if len(side) != shape[0] or any(type(one) not in (int, float) or not abs(one) <= MAX_BOUND for one in side):
+            raise found.refuse(name, f"{shape[0]} numbers of at most {MAX_BOUND:g}")
+        sides.append(np.array(side, dtype=np.float32))
+    if not (sides[0] < sides[1]).all():
+        raise ValueError("`low` should be below `high`, but is not")
+    return Box(*sides, dtype=np.float32)

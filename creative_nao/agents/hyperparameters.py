@@ -15,7 +15,9 @@ from typing import Any
 
 from creative_nao.agents.algorithms import Algorithm, find_algorithm
 from creative_nao.agents.literals import activation_name, parse_literal
+from creative_nao.agents.policy_settings import check_policy_settings
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
+from creative_nao.fields import shown
 from creative_nao.untrusted import read_text
 
 FOLDER = Path(__file__).parent / "hyperparams"
@@ -25,6 +27,14 @@ AUGMENTATION = "creative_nao.agents.augmentation.FlippedSwappedAxes"
 """The one `vec_env_wrapper` there is, as RL Zoo reads it: training episodes with flipped and swapped PB axes."""
 _MAX_BYTES = 200_000
 _MAX_VALUES = 20_000
+MAX_ENVS = 4_096
+MAX_ROLLOUT = 10_000_000
+"""Decisions of all copies between two updates; they are kept in memory."""
+_LARGEST = {
+    "n_timesteps": 10**10, "n_envs": MAX_ENVS, "n_steps": 10**6, "buffer_size": 10**7, "batch_size": 10**7,
+    "n_epochs": 10**4, "gradient_steps": 10**6,
+}  # fmt: skip
+_LARGEST_OTHER = 10**9
 
 
 @dataclass(frozen=True)
@@ -115,7 +125,7 @@ def check_entry(algorithm: str, entry: Any, where: str) -> Hyperparameters:
     """
     known = find_algorithm(algorithm)
     if not isinstance(entry, Mapping):
-        raise SettingsError(f"{where}: should be a mapping of names to values, but is {entry!r:.60}")
+        raise SettingsError(f"{where}: should be a mapping of names to values, but is {shown(entry)}")
     parameters = known.parameters()
     keys = (*_OWN_KEYS, *parameters)
     for key in entry:
@@ -131,11 +141,11 @@ def check_entry(algorithm: str, entry: Any, where: str) -> Hyperparameters:
         raise SettingsError(f"{where}: `vec_env_wrapper` should be {AUGMENTATION}, or left out, but is {wrapper!r}")
     policy = str(entry.get("policy", known.policies[0]))
     if policy not in known.policies:
-        raise SettingsError(f"{where}: `policy` should be {' or '.join(known.policies)}, but is {policy!r}")
+        raise SettingsError(f"{where}: `policy` should be {' or '.join(known.policies)}, but is {shown(policy)}")
     made = Hyperparameters(
         algorithm=known.name,
-        n_timesteps=_whole(entry.get("n_timesteps", Hyperparameters.n_timesteps), f"{where}: `n_timesteps`"),
-        n_envs=_whole(entry.get("n_envs", Hyperparameters.n_envs), f"{where}: `n_envs`"),
+        n_timesteps=_whole(entry.get("n_timesteps", Hyperparameters.n_timesteps), where, "n_timesteps"),
+        n_envs=_whole(entry.get("n_envs", Hyperparameters.n_envs), where, "n_envs"),
         policy=policy,
         policy_kwargs=_policy_kwargs(known, policy, entry.get("policy_kwargs", {}), f"{where}: `policy_kwargs`"),
         env_kwargs=_mapping(entry.get("env_kwargs", {}), f"{where}: `env_kwargs`"),
@@ -170,12 +180,14 @@ def resolve_policy_kwargs(policy_kwargs: Mapping[str, Any]) -> dict[str, Any]:
 def _read_yaml(path: Path) -> dict[str, Any]:
     import yaml
 
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise NotFoundError(f"no hyperparameter file at {path}; the shipped ones are in {FOLDER}")
     text = read_text(path, "hyperparameter file", _MAX_BYTES)
     try:
         loader = yaml.SafeLoader(text)
         tree = loader.get_single_node()
+        if tree is not None and (twice := _said_twice(tree, set())) is not None:
+            raise FileFormatError(f"{path}: line {twice.start_mark.line + 1}: `{twice.value[:60]}` is there already")
         if tree is not None and _expanded(tree, {}) > _MAX_VALUES:
             raise FileFormatError(f"{path}: its anchors and aliases unfold to more than {_MAX_VALUES} values")
         found = None if tree is None else loader.construct_document(tree)
@@ -184,8 +196,25 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     except (yaml.YAMLError, RecursionError, ValueError, TypeError, AttributeError, KeyError, IndexError) as error:
         raise FileFormatError(f"{path}: is no YAML that can be read: {' '.join(str(error).split())}") from error
     if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):
-        raise FileFormatError(f"{path}: should map names of environments to settings, but holds {found!r:.60}")
+        raise FileFormatError(f"{path}: should map names of environments to settings, but holds {shown(found)}")
     return found
+
+
+def _said_twice(node: Any, seen: set[int]) -> Any:
+    """Return the first key of a YAML mapping that stands in it twice, or None; YAML would take the last silently."""
+    if id(node) in seen or not isinstance(node.value, list):
+        return None
+    seen.add(id(node))
+    keys: set[str] = set()
+    for one in node.value:
+        for part in one if isinstance(one, tuple) else (one,):
+            if (found := _said_twice(part, seen)) is not None:
+                return found
+        if isinstance(one, tuple) and isinstance(one[0].value, str) and one[0].value != "<<":
+            if one[0].value in keys:
+                return one[0]
+            keys.add(one[0].value)
+    return None
 
 
 def _expanded(node: Any, sizes: dict[int, float]) -> float:
@@ -203,15 +232,18 @@ def _number(value: Any, where: str) -> float:
     if isinstance(value, str):
         with contextlib.suppress(ValueError):
             value = float(value)
-    if isinstance(value, bool) or not isinstance(value, int | float) or value != value or abs(value) == float("inf"):
-        raise SettingsError(f"{where} should be a number, but is {value!r}")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= 1e300:
+        raise SettingsError(f"{where} should be a number, but is {shown(value)}")
     return value
 
 
-def _whole(value: Any, where: str, least: int = 1) -> int:
-    number = _number(value, where)
+def _whole(value: Any, where: str, name: str, least: int = 1) -> int:
+    named, most = f"{where}: `{name}`", _LARGEST.get(name, _LARGEST_OTHER)
+    number = _number(value, named)
     if number != int(number) or number < least:
-        raise SettingsError(f"{where} should be a whole number of at least {least}, but is {value!r}")
+        raise SettingsError(f"{named} should be a whole number of at least {least}, but is {shown(value)}")
+    if number > most:
+        raise SettingsError(f"{named} should be at most {most}, but is {shown(value)}")
     return int(number)
 
 
@@ -234,11 +266,13 @@ def _argument(key: str, value: Any, default: Any, where: str) -> Any:
         start = value.removeprefix("auto").removeprefix("_")
         return value if not start else f"auto_{_positive(start, named)!r}"
     if value is None or isinstance(value, list):
-        if value is default or (key == "train_freq" and isinstance(value, list)):
+        if value is default:
             return value
-        raise SettingsError(f"{named} should be a number, but is {value!r}")
+        if key == "train_freq" and isinstance(value, list) and len(value) == 2 and value[1] in ("step", "episode"):
+            return [_whole(value[0], where, key), value[1]]
+        raise SettingsError(f"{named} should be a number, but is {shown(value)}")
     if isinstance(default, int) and key not in ("ent_coef", "target_entropy"):
-        return _whole(value, named, least=-1 if key in ("gradient_steps", "sde_sample_freq") else 0)
+        return _whole(value, where, key, least=-1 if key in ("gradient_steps", "sde_sample_freq") else 0)
     return _number(value, named)
 
 
@@ -252,7 +286,7 @@ def _positive(value: Any, where: str) -> float:
 def _mapping(value: Any, where: str) -> dict[str, Any]:
     found = parse_literal(value, where) if isinstance(value, str) else value
     if not isinstance(found, Mapping) or not all(isinstance(key, str) for key in found):
-        raise SettingsError(f"{where} should be a mapping of names to values, but is {value!r:.60}")
+        raise SettingsError(f"{where} should be a mapping of names to values, but is {shown(value)}")
     return dict(found)
 
 
@@ -264,6 +298,7 @@ def _policy_kwargs(known: Algorithm, policy: str, value: Any, where: str) -> dic
             raise SettingsError(f"{where}: no setting `{key}`{nearest_name(key, names)} of {policy}")
     if "activation_fn" in found:
         found["activation_fn"] = activation_name(str(found["activation_fn"]), f"{where}: `activation_fn`")
+    check_policy_settings(found, where)
     return found
 
 
@@ -287,5 +322,7 @@ def _check_rollout(made: Hyperparameters, known: Algorithm, where: str) -> None:
     defaults = known.parameters()
     size = made.n_envs * made.arguments.get("n_steps", defaults["n_steps"].default)
     batch = made.arguments.get("batch_size", defaults["batch_size"].default)
+    if size > MAX_ROLLOUT:
+        raise SettingsError(f"{where}: n_envs * n_steps should be at most {MAX_ROLLOUT}, but is {size}")
     if not batch or size % batch:
         raise SettingsError(f"{where}: `batch_size` should divide n_envs * n_steps = {size}, but is {batch}")

@@ -19,6 +19,7 @@ from gymnasium.spaces import Box
 
 from creative_nao.agents.base import Agent, Context
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.fields import Fields
 
 
 @dataclass(frozen=True)
@@ -92,11 +93,26 @@ class Score:
 
     @classmethod
     def from_json(cls, values: dict[str, Any]) -> Score:
-        """Return the score that `as_json` described."""
-        episodes = tuple(PlayedEpisode(**one) for one in values["episodes"])
-        if not episodes or not all(isinstance(one.reward, float) for one in episodes):
+        """Return the score that `as_json` described.
+
+        Raises:
+            FileFormatError: If a part is missing or of another kind; the message names it.
+        """
+        found = Fields(values, "the score")
+        episodes = tuple(_episode(one) for one in found.objects("episodes", most=100_000))
+        if not episodes:
             raise ValueError("should hold at least one episode with a reward")
-        return cls(str(values["env"]), bool(values["deterministic"]), episodes)
+        return cls(found.text("env"), found.truth("deterministic"), episodes)
+
+
+def _episode(told: Fields) -> PlayedEpisode:
+    told.only([field.name for field in dataclasses.fields(PlayedEpisode)])
+    measures = {
+        name: None if told.values.get(name) is None else told.number(name)
+        for name in ("appropriateness_pct", "novelty", "diversity")
+    }
+    seed = told.whole("seed", least=0)
+    return PlayedEpisode(told.text("memory", longest=4_000), seed, told.number("reward"), **measures)
 
 
 def play_episodes(

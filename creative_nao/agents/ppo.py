@@ -8,12 +8,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
+import numpy as np
 
+from creative_nao.agents.policy_settings import check_policy_settings, check_widths
 from creative_nao.errors import SettingsError
+from creative_nao.fields import shown
 
 if TYPE_CHECKING:
     from gymnasium.spaces import Box
     from stable_baselines3.common.policies import ActorCriticPolicy
+
+
+_LARGEST = {"n_timesteps": 10**10, "n_envs": 4_096, "n_steps": 10**6, "batch_size": 10**7, "n_epochs": 10**4}
 
 
 @dataclass(frozen=True)
@@ -57,9 +63,21 @@ class PPOSettings:
     """Judge the policy's most likely actions instead of drawn ones."""
 
     def __post_init__(self) -> None:
-        for name in ("n_timesteps", "n_envs", "n_steps", "batch_size", "n_epochs"):
-            if getattr(self, name) < 1:
-                raise SettingsError(f"`{name}` should be at least 1, but is {getattr(self, name)}")
+        for name, most in _LARGEST.items():
+            value: Any = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | np.integer):
+                raise SettingsError(f"`{name}` should be a whole number, but is {shown(value)}")
+            if not 1 <= value <= most:
+                bound = "at least 1" if value < 1 else f"at most {most}"
+                raise SettingsError(f"`{name}` should be {bound}, but is {shown(value)}")
+        for name in ("learning_rate", "gamma", "gae_lambda", "clip_range", "ent_coef", "log_std_init"):
+            value: Any = getattr(self, name)
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, int | float | np.integer | np.floating)
+                or not abs(value) <= 1e6
+            ):
+                raise SettingsError(f"`{name}` should be a number, but is {shown(value)}")
         for name in ("gamma", "gae_lambda"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise SettingsError(f"`{name}` should be between 0 and 1, but is {getattr(self, name)}")
@@ -70,8 +88,12 @@ class PPOSettings:
             raise SettingsError(
                 f"`batch_size` should divide n_envs * n_steps = {self.n_envs * self.n_steps}, but is {self.batch_size}"
             )
-        if not self.hidden or any(width < 1 for width in self.hidden):
+        check_widths(self.hidden, "`hidden`")
+        if not self.hidden:
             raise SettingsError(f"`hidden` should list at least one width, each at least 1, but is {self.hidden}")
+        check_policy_settings({"net_arch": self.hidden}, "`hidden`")
+        if not isinstance(self.deterministic, bool):
+            raise SettingsError(f"`deterministic` should be true or false, but is {shown(self.deterministic)}")
 
     @property
     def n_generated(self) -> int:
@@ -162,7 +184,9 @@ def settings_from(values: dict[str, Any]) -> PPOSettings:
         SettingsError: If a name is unknown or a value out of range.
     """
     known = {field.name for field in dataclasses.fields(PPOSettings)}
-    if unknown := sorted(set(values) - known):
+    if not isinstance(values, dict):
+        raise SettingsError(f"settings of PPO should be a mapping of names to values, but are {shown(values)}")
+    if unknown := sorted(set(map(str, values)) - known):
         raise SettingsError(f"`{unknown[0]}` is no setting of PPO; there are: {', '.join(sorted(known))}")
     try:
         return PPOSettings(**{**values, "hidden": tuple(values.get("hidden", PPOSettings.hidden))})

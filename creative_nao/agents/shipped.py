@@ -28,7 +28,7 @@ def find_bundle(name: str | os.PathLike[str]) -> Path:
     names = shipped_agents()
     if text in names:
         return PRETRAINED / f"{text.replace('/', '-', 1)}.safetensors"
-    if Path(text).is_file():
+    if os.path.isfile(text):
         return Path(text)
     raise NotFoundError(
         f"no agent bundle file at {text}{nearest_name(text, names)}: neither a file nor a shipped name; "

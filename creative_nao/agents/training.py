@@ -21,7 +21,7 @@ from creative_nao.agents.hyperparameters import Hyperparameters, resolve_policy_
 from creative_nao.agents.judging import check_env, play_episodes
 from creative_nao.agents.training_record import TrainingRecord
 from creative_nao.agents.training_watch import watch
-from creative_nao.errors import MissingDependencyError, SettingsError
+from creative_nao.errors import FileFormatError, MissingDependencyError, SettingsError
 from creative_nao.model import SPLITS, split_memories
 
 
@@ -95,12 +95,15 @@ def make_model(plan: TrainingPlan) -> Any:
     torch.set_num_threads(1)  # networks this small gain nothing from more, and lose much on busy cores
     chosen = plan.hyperparameters
     arguments = {**chosen.env_kwargs, "memory": plan.memory}
-    if check_env(plan.env).vector_entry_point is not None:
-        native: Any = SB3VecEnv(plan.env, chosen.n_envs, n_threads=1, **arguments)
-        envs: Any = VecMonitor(FlippedSwappedAxes(native) if chosen.augment else native)
-    else:
-        envs = DummyVecEnv([lambda: Monitor(gym.make(plan.env, **arguments))] * chosen.n_envs)
-        envs = FlippedSwappedAxes(envs) if chosen.augment else envs
+    try:
+        if check_env(plan.env).vector_entry_point is not None:
+            native: Any = SB3VecEnv(plan.env, chosen.n_envs, n_threads=1, **arguments)
+            envs: Any = VecMonitor(FlippedSwappedAxes(native) if chosen.augment else native)
+        else:
+            envs = DummyVecEnv([lambda: Monitor(gym.make(plan.env, **arguments))] * chosen.n_envs)
+            envs = FlippedSwappedAxes(envs) if chosen.augment else envs
+    except TypeError as error:
+        raise SettingsError(f"`env_kwargs`: {plan.env} refuses {', '.join(chosen.env_kwargs)}: {error}") from error
     extra = {name: schedule(value) for name, value in chosen.arguments.items()}
     if isinstance(extra.get("train_freq"), list):
         extra["train_freq"] = tuple(extra["train_freq"])
@@ -172,7 +175,11 @@ def train_agent(
         progress=progress, stop=stop or threading.Event(),
     )  # fmt: skip
     try:
-        left = plan.hyperparameters.n_timesteps - callback.prepare(model)
+        try:
+            n_done = callback.prepare(model)
+        except FileFormatError as error:
+            raise FileFormatError(f"{checkpoint}: {error}") from error
+        left = plan.hyperparameters.n_timesteps - n_done
         if left > 0:
             model.learn(left, callback=callback, reset_num_timesteps=state is None, log_interval=_log_interval(plan))
         callback.finish(model)

@@ -13,6 +13,7 @@ import numpy as np
 from creative_nao import atomic
 from creative_nao.agents.training_state import TrainingState
 from creative_nao.errors import FileFormatError, SettingsError
+from creative_nao.fields import Fields
 from creative_nao.tensorfile import load_tensors, save_tensors
 
 KIND = "agent checkpoint"
@@ -72,24 +73,23 @@ class TrainingRecord:
             FileFormatError: If it is damaged.
             SettingsError: If it is of another plan; the message names the setting.
         """
-        header, arrays = load_tensors(path, kind=KIND)
-        if header.get("format_version") != FORMAT_VERSION or not isinstance(header.get("plan"), dict):
-            raise FileFormatError(f"{path}: the header of the checkpoint is incomplete or of another version")
-        if (name := _difference(header["plan"], plan)) is not None:
+        values, arrays = load_tensors(path, kind=KIND)
+        header = Fields(values, f"{path}: header")
+        header.version("format_version", FORMAT_VERSION)
+        if (name := _difference(header.object("plan").values, plan)) is not None:
             raise SettingsError(
                 f"{path} is of a training with another `{name}`; give the same settings to go on, or another --out"
             )
-        try:
-            record = cls(
-                arrays["record.episode_ends"].tolist(),
-                arrays["record.episode_rewards"].tolist(),
-                arrays["record.evaluation_ends"].tolist(),
-                [tuple(row) for row in arrays["record.evaluations"].tolist()],
-                _under("best.", arrays),
-            )
-            return record, TrainingState(header["state"], _under("state.", arrays))
-        except KeyError as error:
-            raise FileFormatError(f"{path}: part {error} of the checkpoint is missing") from None
+        for name, array in arrays.items():
+            if array.dtype.kind == "f" and not np.isfinite(array).all():
+                raise FileFormatError(f"{path}: part `{name[:60]}` of the checkpoint should be finite, but is not")
+        columns = [_column(path, arrays, name, dtype, n_axes) for name, (dtype, n_axes) in _COLUMNS.items()]
+        ends, rewards, judged_at, judged = columns
+        if len(ends) != len(rewards) or len(judged_at) != len(judged):
+            raise FileFormatError(f"{path}: part `record` of the checkpoint has columns of different lengths")
+        rows = [tuple(row) for row in judged.tolist()] if judged.ndim == 2 else []
+        record = cls(ends.tolist(), rewards.tolist(), judged_at.tolist(), rows, _under("best.", arrays))
+        return record, TrainingState(header.object("state").values, _under("state.", arrays))
 
     def write_csv(self, folder: Path) -> None:
         """Write `episodes.csv` and `evaluations.csv` into a folder."""
@@ -102,6 +102,26 @@ class TrainingRecord:
         n_episodes = len(self.evaluations[0]) if self.evaluations else 0
         heads = ("n_decisions", "mean_reward", *(f"reward_{place}" for place in range(n_episodes)))
         atomic.write_text(folder / "evaluations.csv", _csv(heads, judged))
+
+
+_COLUMNS: dict[str, tuple[type[np.generic], int]] = {
+    "record.episode_ends": (np.int64, 1),
+    "record.episode_rewards": (np.float64, 1),
+    "record.evaluation_ends": (np.int64, 1),
+    "record.evaluations": (np.float64, 2),
+}
+
+
+def _column(path: Path, arrays: dict[str, np.ndarray], name: str, dtype: type[np.generic], n_axes: int) -> np.ndarray:
+    found = arrays.get(name)
+    if found is None:
+        raise FileFormatError(f"{path}: part `{name}` of the checkpoint is missing")
+    if found.dtype != dtype or (found.ndim != n_axes and found.shape != (0,)):
+        raise FileFormatError(
+            f"{path}: part `{name}` of the checkpoint should be {np.dtype(dtype)} with {n_axes} axes, "
+            f"but is {found.dtype} of shape {found.shape}"
+        )
+    return found
 
 
 def _csv(heads: tuple[str, ...], rows: Any) -> str:

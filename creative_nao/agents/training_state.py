@@ -72,17 +72,18 @@ def restore(model: Any, state: TrainingState) -> None:
     try:
         for name in _COUNTERS:
             if name in values:
-                setattr(model, name, values[name])
+                setattr(model, name, _counted(name, values[name]))
         part = "parameters"
         model.set_parameters(_unpack(values["parameters"], arrays), exact_match=True, device="cpu")
         part = "variables"
         for name in model._get_torch_save_params()[1]:
             _variable(model, name).data.copy_(torch.from_numpy(arrays[f"variable.{name}"]))
         part = "episodes"
-        model._last_obs = arrays["last_obs"].copy()
-        model._last_episode_starts = arrays["last_episode_starts"].copy()
+        starts = np.zeros(len(model._last_obs if model._last_obs is not None else arrays["last_obs"]), bool)
+        model._last_obs = _like(arrays, "last_obs", model._last_obs)
+        model._last_episode_starts = _like(arrays, "last_episode_starts", starts)
         number = np.float32 if values.get("single_precision") else float
-        told = ({"r": number(r), "l": length, "t": t} for r, length, t in values["episodes"])
+        told = [{"r": number(r), "l": int(length), "t": float(t)} for r, length, t in values["episodes"]]
         model.ep_info_buffer = deque(told, maxlen=model._stats_window_size)
         model.ep_success_buffer = deque(maxlen=model._stats_window_size)
         if (states := getattr(model, "_last_lstm_states", None)) is not None:
@@ -94,8 +95,8 @@ def restore(model: Any, state: TrainingState) -> None:
         _restore_envs(model, values, arrays)
         part = "random generators"
         restore_random(model, state)
-    except (KeyError, ValueError, TypeError, RuntimeError, IndexError, AttributeError) as error:
-        if isinstance(error, SettingsError):
+    except (KeyError, ValueError, TypeError, RuntimeError, IndexError, AttributeError, OverflowError) as error:
+        if isinstance(error, SettingsError) and part != "environments":
             raise
         raise FileFormatError(f"training state: its {part} do not fit this training: {error}") from error
 
@@ -171,10 +172,13 @@ def _restore_buffer(model: Any, values: dict[str, Any], arrays: dict[str, np.nda
     buffer = getattr(model, "replay_buffer", None)
     if buffer is None:
         return
-    buffer.pos, buffer.full = values["buffer"]["pos"], values["buffer"]["full"]
+    place, full = values["buffer"]["pos"], values["buffer"]["full"]
+    if type(place) is not int or not 0 <= place < buffer.buffer_size or not isinstance(full, bool):
+        raise ValueError(f"place {place!r:.40} in a buffer of {buffer.buffer_size}")
+    buffer.pos, buffer.full = place, full
     filled = buffer.size()
     for name, array in _buffer_arrays(buffer).items():
-        array[:filled] = arrays[f"buffer.{name}"]
+        array[:filled] = _like(arrays, f"buffer.{name}", array[:filled])
 
 
 def _envs(model: Any) -> Any:
@@ -222,11 +226,44 @@ def _restore_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarr
     ]
     _envs(model).set_state(states)
     monitor = model.get_env()
-    monitor.episode_returns = arrays["monitor.returns"].copy()
-    monitor.episode_lengths = arrays["monitor.lengths"].copy()
-    monitor.episode_count = values["monitor"]
+    monitor.episode_returns = _like(arrays, "monitor.returns", monitor.episode_returns)
+    monitor.episode_lengths = _like(arrays, "monitor.lengths", monitor.episode_lengths)
+    monitor.episode_count = _counted("monitor", values["monitor"])
     if (turned := _turned(model)) is not None:
-        turned.set_state(values["turned"], arrays["turned"])
+        turned.set_state(values["turned"], _like(arrays, "turned", turned.get_state()[1]))
+
+
+def check_weights(weights: dict[str, np.ndarray], policy: Any) -> None:
+    """Refuse weights that a policy cannot take.
+
+    Raises:
+        FileFormatError: Naming the first of them.
+    """
+    expected = {name: tuple(tensor.shape) for name, tensor in policy.state_dict().items()}
+    found = {name: array.shape for name, array in weights.items()}
+    for name in sorted(expected.keys() | found.keys()) if weights else ():
+        if expected.get(name) != found.get(name):
+            raise FileFormatError(
+                f"training state: its best weights `{name[:60]}` should have shape {expected.get(name)}, "
+                f"but have {found.get(name)}"
+            )
+
+
+def _like(arrays: dict[str, np.ndarray], name: str, example: np.ndarray | None) -> np.ndarray:
+    """Return a copy of an array that has the kind and shape of the one it replaces."""
+    found = arrays[name]
+    if example is not None and (found.shape != example.shape or found.dtype != example.dtype):
+        raise ValueError(
+            f"`{name}` should be {example.dtype} of shape {example.shape}, but is {found.dtype} of {found.shape}"
+        )
+    return found.copy()
+
+
+def _counted(name: str, value: Any) -> Any:
+    share = name == "_current_progress_remaining"  # below 0 when the last rollout goes beyond the end
+    if type(value) not in ((int, float) if share else (int,)) or not (-1e9 if share else 0) <= value <= 10**15:
+        raise ValueError(f"`{name}` should be a number of at least 0, but is {value!r:.40}")
+    return value
 
 
 def _copied(tensor: Any) -> np.ndarray:

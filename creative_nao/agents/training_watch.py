@@ -16,10 +16,24 @@ from typing import TYPE_CHECKING, Any
 from creative_nao import atomic
 from creative_nao.agents.algorithms import find_algorithm
 from creative_nao.agents.training_record import TrainingRecord
-from creative_nao.agents.training_state import TrainingState, capture, restore, restore_random
+from creative_nao.agents.training_state import TrainingState, capture, check_weights, restore, restore_random
+from creative_nao.errors import FileFormatError
+from creative_nao.untrusted import read_text
 
 if TYPE_CHECKING:
     from creative_nao.agents.training import TrainingPlan
+
+
+def _rows(path: Path) -> list[dict[str, Any]]:
+    text = read_text(path, "log of a training")
+    try:
+        rows = [dict(row) for row in csv.DictReader(io.StringIO(text, newline=""))]
+    except csv.Error as error:
+        raise FileFormatError(f"{path}: not a log of a training: {error}") from None
+    for row in rows:
+        if None in row or not (row.get("n_decisions") or "0").isdecimal():
+            raise FileFormatError(f"{path}: not a log of a training: `n_decisions` is {row.get('n_decisions')!r:.40}")
+    return rows
 
 
 def watch(
@@ -47,10 +61,8 @@ def watch(
             self.path = path
             self.rows: list[dict[str, Any]] = []
             if n_decisions and path.is_file():
-                with path.open(encoding="utf-8", newline="") as stream:
-                    rows = [dict(row) for row in csv.DictReader(stream)]
                 # The row of the very decision at which the checkpoint was made was written before it.
-                self.rows = [row for row in rows if int(row.get("n_decisions") or 0) <= n_decisions]
+                self.rows = [row for row in _rows(path) if int(row.get("n_decisions") or 0) <= n_decisions]
 
         def write(self, key_values: dict[str, Any], key_excluded: dict[str, Any], step: int = 0) -> None:
             self.rows.append({"n_decisions": step, **_numbers(key_values)})
@@ -75,6 +87,7 @@ def watch(
             """Put the model into the state of the checkpoint, attach the logs; return the decisions already made."""
             if state is not None:
                 restore(model, state)
+                check_weights(record.best_weights, model.policy)
             self.saved = model.num_timesteps if state is not None else -1
             writers: list[KVWriter] = []
             if logs is not None:

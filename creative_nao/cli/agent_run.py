@@ -48,8 +48,8 @@ def run(settings: RunAgentSettings) -> int:
             raise SettingsError(f"--replay needs a trained agent with a recorded score, but got `{settings.agent}`")
         return _replay(trained, settings)
     env_id = settings.env or (trained.header.env if trained is not None else "CreativeNao/BoxingMental-v0")
-    if settings.env is None and trained is not None and trained.header.score is not None:
-        env_id = trained.header.score.env
+    if settings.env is None and trained is not None:
+        env_id = _of_the_bundle(trained.header.env if trained.header.score is None else trained.header.score.env)
     memories = memories_of(settings.memory)
     seeds = range(settings.seed, settings.seed + settings.episodes)
     with Display({"playing": len(memories) * len(seeds)}) as display:
@@ -72,6 +72,8 @@ def run(settings: RunAgentSettings) -> int:
 def _replay(trained: TrainedPolicy, settings: RunAgentSettings) -> int:
     recorded = trained.header.score
     n_episodes = len(recorded.episodes) if recorded is not None else 1
+    if recorded is not None and recorded.env != settings.env:
+        _of_the_bundle(recorded.env)
     with Display({"replaying": n_episodes}) as display:
         score = replay(trained, progress=lambda done: display.show("replaying", done))
     same = score == recorded
@@ -86,6 +88,20 @@ def _replay(trained: TrainedPolicy, settings: RunAgentSettings) -> int:
             f"{recorded.env}: {verdict}{made_with}"
         )
     return 0 if same else 1
+
+
+def _of_the_bundle(env_id: str) -> str:
+    """Return the environment that a bundle names; a module is only imported where the user has typed its name.
+
+    Raises:
+        SettingsError: If it is in a module.
+    """
+    if ":" in env_id:
+        raise SettingsError(
+            f"the bundle names the environment {env_id}, whose module would be imported and run; if you trust it, "
+            f"add --env {env_id}"
+        )
+    return env_id
 
 
 def _line(one: PlayedEpisode) -> str:

@@ -61,6 +61,8 @@ class EvaluateSettings:
     """Address of a Dask scheduler, such as tcp://node1:8786: jobs run on its workers instead of on this machine."""
     sample: int = 6
     """verify: episodes to play again, spread over the file; 0: all."""
+    trust: bool = False
+    """Import and run the modules that a suite or result file names (package.module:factory): for your own files."""
     row: int | None = None
     """verify: only this row of the file, counted from 1."""
     quick: bool = False
@@ -94,8 +96,8 @@ def run(settings: EvaluateSettings) -> int:
 
         with _Display(console) as display:
             return run_verify(
-                settings.files, n_sample=settings.sample, row=settings.row, as_json=settings.json,
-                executor=executor, on_progress=display.show,
+                settings.files, trusted=settings.trust, n_sample=settings.sample, row=settings.row,
+                as_json=settings.json, executor=executor, on_progress=display.show,
             )  # fmt: skip
     suite = _chosen(settings)
     if settings.docs is not None and not settings.docs.is_dir():
@@ -156,7 +158,7 @@ def _check(settings: EvaluateSettings) -> None:
 
 def _chosen(settings: EvaluateSettings) -> Suite:
     """Return the suite with what the flags change of it."""
-    suite = find_suite(settings.suite)
+    suite = find_suite(settings.suite, trusted=settings.trust)
     if settings.agents is not None:
         names = tuple(name.strip() for name in settings.agents.split(",") if name.strip())
         suite = dataclasses.replace(suite, agents=tuple(map(check_entrant, names)))

@@ -37,6 +37,7 @@ def run_leaderboard(runs: tuple[Path, ...], docs: Path | None) -> int:
 def run_verify(
     files: tuple[Path, ...],
     *,
+    trusted: bool,
     n_sample: int,
     row: int | None,
     as_json: bool,
@@ -47,7 +48,7 @@ def run_verify(
     if len(files) != 1:
         raise SettingsError("verify: name one result file, as in `creative-nao evaluate verify runs/mine/results.json`")
     path = files[0] / "results.json" if files[0].is_dir() else files[0]
-    found = verify(path, n_sample=n_sample, row=row, executor=executor, on_progress=on_progress)
+    found = verify(path, trusted=trusted, n_sample=n_sample, row=row, executor=executor, on_progress=on_progress)
     if as_json:
         sys.stdout.write(json.dumps(_plain(found), indent=2, allow_nan=False) + "\n")
     else:

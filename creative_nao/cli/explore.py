@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import io
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +13,14 @@ import numpy as np
 import tyro
 
 from creative_nao.errors import FileFormatError, MissingDependencyError, NotFoundError, SettingsError
+from creative_nao.fields import shown
 from creative_nao.model import load_memory
+from creative_nao.untrusted import read_text
 
 INSTALL = 'pip install "creative-nao[explore]"'
 MAX_CROWD = 5000
+CHOSEN = ("pb_1", "pb_2")
+"""Columns with the PB point of an action."""
 
 
 @dataclass(frozen=True)
@@ -77,16 +83,30 @@ def choices(folder: Path) -> np.ndarray:
     path = folder / "episodes.csv"
     if not path.is_file():
         raise NotFoundError(f"no {path}; --run takes a folder that `creative-nao evaluate` wrote")
+    reader = csv.DictReader(io.StringIO(read_text(path, "table of episodes"), newline=""))
+    points = []
     try:
-        with open(path, newline="", encoding="utf-8") as stream:
-            rows = [
-                (float(row["pb_1"]), float(row["pb_2"]))
-                for row, _ in zip(csv.DictReader(stream), range(MAX_CROWD), strict=False)
-            ]
-    except (KeyError, ValueError, TypeError) as error:
-        raise FileFormatError(f"{path}: the columns pb_1 and pb_2 cannot be read: {error}") from error
-    points = np.array(rows, dtype=np.float64).reshape(-1, 2)
-    return points[(np.abs(points) <= 1).all(axis=1)]
+        for name in CHOSEN:
+            if list(reader.fieldnames or ()).count(name) != 1:
+                raise FileFormatError(
+                    f"{path}: the first line should name the column {name} once, between commas, "
+                    f"but is {', '.join(reader.fieldnames or ())[:200]}"
+                )
+        for row, _ in zip(reader, range(MAX_CROWD), strict=False):
+            points.append([_coordinate(row[name], f"{path}: line {reader.line_num}: {name}") for name in CHOSEN])
+    except csv.Error as error:
+        raise FileFormatError(f"{path}: line {reader.line_num}: not a line of CSV ({error})") from None
+    return np.array(points, dtype=np.float64).reshape(-1, len(CHOSEN))
+
+
+def _coordinate(cell: str | None, where: str) -> float:
+    try:
+        found = float(cell or "")
+    except ValueError:
+        found = math.nan
+    if not abs(found) <= 1.0:
+        raise FileFormatError(f"{where} should be a number in [-1, 1], but is {shown(cell)}")
+    return found
 
 
 def _write_page(settings: ExploreSettings, target: Path) -> int:

@@ -17,11 +17,17 @@ from creative_nao import atomic
 from creative_nao.demonstrations.dataset import outside_range
 from creative_nao.demonstrations.keyframes import DT_S
 from creative_nao.demonstrations.resampling import n_ticks, resample
-from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError, nearest_name
+from creative_nao.errors import FileFormatError, SettingsError, ShapeError, nearest_name
 from creative_nao.joints import JOINTS
+from creative_nao.untrusted import read_text
 
 TIME_COLUMN = "time_s"
 MAX_FILE_BYTES = 20_000_000
+MAX_CELLS = 2_000_000
+"""Of a table: 20 MB of numbers with all their digits are a million."""
+LARGEST_TIME_S = 1e12
+"""Clocks that count from 1970 stand at 2e9."""
+SHORTEST_STEP_S = 1e-6
 MAX_STEPS = 10_000
 """Longest trajectory a file may hold, in ticks; more is a mistake in the unit of time."""
 
@@ -60,7 +66,10 @@ def load_trajectory(
     values = np.array([[_number(row[c], header[c], path, line) for c in columns] for line, row in rows])
     times, angles = values[:, 0], values[:, 1:]
 
-    late = np.flatnonzero(np.diff(times) <= 0)
+    if np.abs(times).max() > LARGEST_TIME_S:
+        k = int(np.abs(times).argmax())
+        raise FileFormatError(f"{path}: line {rows[k][0]}: `{TIME_COLUMN}` is {times[k]:g}, expected seconds.")
+    late = np.flatnonzero(np.diff(times) < SHORTEST_STEP_S)
     if len(late):
         k = int(late[0]) + 1
         raise FileFormatError(
@@ -120,21 +129,7 @@ def column_names(path: Path) -> list[str]:
 
 def _read_table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Return the header and the lines, each with its number, all as wide as the header."""
-    if not path.is_file():
-        raise NotFoundError(f"no trajectory at {path}.")
-    size = path.stat().st_size
-    if size > MAX_FILE_BYTES:
-        raise FileFormatError(f"{path}: has {size} bytes, expected at most {MAX_FILE_BYTES}.")
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path}: byte {error.start} is not UTF-8 text; save the file as CSV in UTF-8.") from None
-    reader = csv.reader(io.StringIO(text, newline=""))
-    try:
-        lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
-    except csv.Error as error:
-        raise FileFormatError(f"{path}: line {reader.line_num}: not a line of CSV ({error}).") from None
-    table = [(line, row) for line, row in lines if any(row)]
+    table = split_table(path, read_text(path, "trajectory", MAX_FILE_BYTES))
     if not table:
         raise FileFormatError(f"{path}: is empty, expected the header `{TIME_COLUMN},{','.join(JOINTS)}`.")
     header = table[0][1]
@@ -152,6 +147,26 @@ def _read_table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     if len(table) < 3:
         raise FileFormatError(f"{path}: has {len(table) - 1} postures, expected at least 2.")
     return header, table[1:]
+
+
+def split_table(path: Path, text: str) -> list[tuple[int, list[str]]]:
+    """Return the cells of CSV text, line by line with the line's number; empty lines are left out.
+
+    Raises:
+        FileFormatError: If it is no CSV, or has more than `MAX_CELLS` cells.
+    """
+    reader = csv.reader(io.StringIO(text, newline=""))
+    found, n_cells = [], 0
+    try:
+        for row in reader:
+            n_cells += len(row)
+            if n_cells > MAX_CELLS:
+                raise FileFormatError(f"{path}: line {reader.line_num}: has more than {MAX_CELLS} cells to here.")
+            if any(cells := [cell.strip() for cell in row]):
+                found.append((reader.line_num, cells))
+    except csv.Error as error:
+        raise FileFormatError(f"{path}: line {reader.line_num}: not a line of CSV ({error}).") from None
+    return found
 
 
 def _number(cell: str, column: str, path: Path, line: int) -> float:

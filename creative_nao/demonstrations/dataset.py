@@ -15,6 +15,12 @@ from creative_nao.joints import JOINTS, LIMITS_RAD
 LIMIT_TOLERANCE_RAD = 0.02
 """How far a recorded angle may lie beyond a joint's range [rad]: gears give, encoders are offset."""
 
+DT_RANGE_S = (1e-6, 1e4)
+"""Shortest and longest tick [s]."""
+
+UNKNOWN_RANGE_RAD = (-1e4, 1e4)
+"""Where an angle of a joint that the robot does not have may lie [rad]: a wheel turns, but not to the stars."""
+
 DEGREES_FROM_RAD = 2.0 * np.pi
 """A joint angle of more than a full turn is taken for degrees."""
 
@@ -58,8 +64,11 @@ class Demonstrations:
                 raise SettingsError(f"`{what}` should hold at least one name, each a non-empty text, but is {words}.")
             if len(set(words)) < len(words):
                 raise SettingsError(f"`{what}` should not repeat a name, but is {words}.")
-        if not (np.isfinite(self.dt_s) and self.dt_s > 0):
-            raise SettingsError(f"`dt_s` should be a positive number of seconds, but is {self.dt_s}.")
+        if not DT_RANGE_S[0] <= self.dt_s <= DT_RANGE_S[1]:
+            raise SettingsError(
+                f"`dt_s` should be a positive number of seconds, but is {self.dt_s}; "
+                f"{DT_RANGE_S[0]:g} to {DT_RANGE_S[1]:g} s are taken."
+            )
         if len(self.trajectories) != len(self.names):
             raise ShapeError(
                 f"`trajectories` should hold one trajectory for each of the {len(self.names)} names, "
@@ -108,7 +117,7 @@ class Demonstrations:
 def outside_range(angles: np.ndarray, joints: tuple[str, ...]) -> tuple[int, int, str] | None:
     """Return where an angle first leaves its joint's range by more than the tolerance, and how to say so.
 
-    Joints that the robot does not have are taken as they are: their ranges are unknown here.
+    The ranges of joints that the robot does not have are unknown here; `UNKNOWN_RANGE_RAD` bounds them all.
 
     Args:
         angles: Joint angles [rad], shape (n_steps, n_joints).
@@ -117,7 +126,7 @@ def outside_range(angles: np.ndarray, joints: tuple[str, ...]) -> tuple[int, int
     Returns:
         Row, column and the clause "is 92.0, looks like degrees, expected radians ...", or None if all is well.
     """
-    ranges = np.array([LIMITS_RAD.get(joint, (-np.inf, np.inf)) for joint in joints])
+    ranges = np.array([LIMITS_RAD.get(joint, UNKNOWN_RANGE_RAD) for joint in joints])
     low, high = ranges[:, 0] - LIMIT_TOLERANCE_RAD, ranges[:, 1] + LIMIT_TOLERANCE_RAD
     bad = np.argwhere((angles < low) | (angles > high))
     if not len(bad):
@@ -125,7 +134,7 @@ def outside_range(angles: np.ndarray, joints: tuple[str, ...]) -> tuple[int, int
     known = np.array([joint in LIMITS_RAD for joint in joints])
     turned = np.argwhere((np.abs(angles) > DEGREES_FROM_RAD) & known)
     row, column = turned[0] if len(turned) else bad[0]
-    value, (lowest, highest) = angles[row, column], LIMITS_RAD[joints[column]]
+    value, (lowest, highest) = angles[row, column], ranges[column].tolist()
     guess = "looks like degrees, expected radians" if len(turned) else "outside the joint's range"
     return int(row), int(column), f"is {value:.6g}, {guess} between {lowest} and {highest}"
 

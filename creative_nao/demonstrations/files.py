@@ -11,7 +11,8 @@ from creative_nao import atomic, provenance
 from creative_nao.demonstrations.csv_format import TIME_COLUMN, column_names, load_trajectory, save_trajectory
 from creative_nao.demonstrations.dataset import Demonstrations
 from creative_nao.demonstrations.keyframes import ACTIONS, DT_S
-from creative_nao.errors import NotFoundError
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.fields import is_plain_name, shown
 from creative_nao.joints import JOINTS
 from creative_nao.untrusted import as_json, read_text
 
@@ -19,6 +20,7 @@ SHIPPED_FOLDER = Path(__file__).parent / "data"
 """The six basic actions that come with the package."""
 
 RECORD_NAME = "record.json"
+MAX_ACTIONS = 1_000
 
 
 def load_demonstrations(
@@ -56,6 +58,8 @@ def load_demonstrations(
         (path for path in folder.iterdir() if path.suffix.lower() == ".csv" and not path.name.startswith(".")),
         key=lambda path: (paper.index(path.stem) if path.stem in paper else len(paper), path.stem),
     )
+    if len(files) > MAX_ACTIONS:
+        raise FileFormatError(f"{folder}: holds {len(files)} CSV files, expected at most {MAX_ACTIONS} actions.")
     if not files:
         raise NotFoundError(f"no CSV file in {folder}; make some with `creative-nao teach --out {folder}`.")
     if joints is None:
@@ -75,8 +79,12 @@ def save_demonstrations(folder: str | os.PathLike[str], demos: Demonstrations) -
 
     Raises:
         NotFoundError: If files vanished while the others were written: fewer actions must not pass for all.
+        SettingsError: If a name would lead out of the folder.
     """
     folder = Path(folder)
+    for name in demos.names:
+        if not is_plain_name(name):
+            raise SettingsError(f"an action that becomes a file should have a plain name, but is called {shown(name)}.")
     paths = [folder / f"{name}.csv" for name in demos.names]
     for path, trajectory in zip(paths, demos.trajectories, strict=True):
         save_trajectory(path, trajectory, demos.dt_s, demos.joints)

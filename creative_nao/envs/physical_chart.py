@@ -13,12 +13,15 @@ import numpy as np
 from creative_nao.atomic import replacing
 from creative_nao.envs.observation import OUTCOMES
 from creative_nao.errors import FileFormatError, NotFoundError
+from creative_nao.fields import only_arrays, shown
+from creative_nao.npz import read_npz, take_array, take_header, take_record
 from creative_nao.pb_space import pb_grid
-from creative_nao.untrusted import read_npz, take_array, take_header, whole_number
 
 FORMAT_VERSION = 1
 KIND = "physical PB map"
 MAX_RESOLUTION = 4000
+MAX_FIGURE = 1e30
+"""Largest figure of a file; float32 ends at 3e38."""
 APPROPRIATE = ("learned", "unlearned")
 
 FIGURES: dict[str, str] = {
@@ -159,27 +162,23 @@ class PhysicalMap:
                 f"no physical map at {source}; make one with `creative-nao map MEMORY --physical --out {source}`"
             )
         arrays = read_npz(source, KIND, largest=64 * MAX_RESOLUTION**2)
+        only_arrays(source, arrays, ("header", "learned_pb", *_ARRAYS))
         header = take_header(source, arrays, KIND)
-        if header.get("kind") != KIND or header.get("format_version") != FORMAT_VERSION:
+        if header.values.get("kind") != KIND:
             raise FileFormatError(f"{source}: not a {KIND} of format {FORMAT_VERSION}")
-        try:
-            resolution, n_done = whole_number(header["resolution"]), whole_number(header["n_done"])
-            names = tuple(map(str, header["names"]))
-            codebook = np.array([str(word) for word in header["outcomes"]], dtype="<U16")
-            record, wall_s, cpu_s = dict(header["record"]), float(header["wall_s"]), float(header["cpu_s"])
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise FileFormatError(f"{source}: not a {KIND}: its header lacks or breaks a field: {error}") from error
-        if not 2 <= resolution <= MAX_RESOLUTION:
-            raise FileFormatError(f"{source}: resolution {resolution:.6g}, expected 2 to {MAX_RESOLUTION}")
-        for name in _ARRAYS:
-            kinds = "iu" if name in (*_WORDS, "nearest") else "f"
-            take_array(source, arrays, name, (resolution**2,), kinds=kinds, finite=not unfinished)
-        take_array(source, arrays, "learned_pb", (len(names), 2), kinds="f")
-        if not unfinished and (arrays["nearest"].min() < 0 or arrays["nearest"].max() >= len(names)):
-            raise FileFormatError(f"{source}: `nearest` holds a place outside 0 to {len(names) - 1}")
+        header.version("format_version", FORMAT_VERSION)
+        resolution, names = header.whole("resolution", 2, MAX_RESOLUTION), header.names("names")
+        n_done = header.whole("n_done", 0, resolution**2)
+        known = header.listed("outcomes", most=100)
+        if foreign := [word for word in known if word not in _CODES]:
+            raise FileFormatError(f"{header.where}: `outcomes` should hold known ones, not {shown(foreign[0])}")
+        codebook = np.array(known, dtype="<U16")
         for name in _WORDS:
-            if arrays[name].min() < 0 or arrays[name].max() >= len(codebook):
-                raise FileFormatError(f"{source}: `{name}` holds a code outside 0 to {len(codebook) - 1}")
+            take_array(source, arrays, name, (resolution**2,), kinds="iu", least=0, most=len(codebook) - 1)
+        take_array(source, arrays, "nearest", (resolution**2,), kinds="iu", least=0, most=len(names) - 1)
+        for name in ("distance", *FIGURES):
+            take_array(source, arrays, name, (resolution**2,), kinds="f", least=0.0, most=MAX_FIGURE)
+        take_array(source, arrays, "learned_pb", (len(names), 2), kinds="f", least=-1.0, most=1.0)
         if not unfinished and n_done != resolution**2:
             raise FileFormatError(
                 f"{source}: {n_done} of {resolution**2} points are performed; "
@@ -194,10 +193,10 @@ class PhysicalMap:
             figures={name: arrays[name].astype(np.float32) for name in FIGURES},
             learned_pb=arrays["learned_pb"],
             names=names,
-            record=record,
+            record=take_record(header),
             n_done=n_done,
-            wall_s=wall_s,
-            cpu_s=cpu_s,
+            wall_s=header.number("wall_s", least=0.0),
+            cpu_s=header.number("cpu_s", least=0.0),
         )
 
     def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:

@@ -192,10 +192,10 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         """Go back to a state of this environment or of one made alike.
 
         Raises:
-            SettingsError: If it is one of another environment.
+            SettingsError: If it is one of another environment, or a part of it does not fit.
             NotFoundError: If its memory is none of this environment's.
         """
-        state.check(type(self).__name__)
+        state.check(self.get_state())
         self._episodes.restore(0, state.values, state.arrays)
         self._np_random = generator_from(state.values["random"])
         self._screen.clear()

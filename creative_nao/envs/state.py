@@ -10,9 +10,16 @@ from typing import Any
 import numpy as np
 
 from creative_nao.errors import FileFormatError, SettingsError
+from creative_nao.fields import Fields, shown
 from creative_nao.tensorfile import load_tensors, save_tensors
 
 KIND = "environment-state"
+MAX_COUNT = 10**9
+MAX_NUMBER = 1e9
+"""Largest number of a state; MuJoCo calls 1e10 unstable."""
+OF_THE_NETWORK = ("network_code", "network_state", "network_activity")
+"""Arrays whose size depends on the memory that a state names."""
+_GROWING = ("accepted", "novelty")
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,14 +36,29 @@ class EnvState:
     values: dict[str, Any]
     arrays: dict[str, np.ndarray]
 
-    def check(self, kind: str) -> None:
-        """Refuse a state of another environment.
+    def check(self, like: EnvState) -> None:
+        """Refuse a state of another environment, or one whose parts are not of the kind and size they should be.
+
+        Args:
+            like: The present state of the environment that is to take this one.
 
         Raises:
-            SettingsError: Naming both.
+            SettingsError: Naming the part.
         """
-        if self.kind != kind:
-            raise SettingsError(f"`state` should be one of a {kind}, but is one of a {self.kind}")
+        if self.kind != like.kind:
+            raise SettingsError(f"`state` should be one of a {like.kind}, but is one of a {self.kind}")
+        for what, mine, theirs in (("values", self.values, like.values), ("arrays", self.arrays, like.arrays)):
+            if odd := sorted(mine.keys() ^ theirs.keys()):
+                raise SettingsError(f"`state`: its {what} should be {', '.join(sorted(theirs))}; see `{odd[0][:60]}`")
+        for name, example in like.values.items():
+            _check_value(name, self.values[name], example)
+        n_accepted = len(self.arrays["accepted"]) if self.arrays["accepted"].ndim else 0
+        if n_accepted > self.values["n_actions"]:
+            raise SettingsError(f"`state`: {n_accepted} accepted actions of {self.values['n_actions']} cannot be")
+        for name, example in like.arrays.items():
+            rows = dict.fromkeys(_GROWING, n_accepted).get(name)
+            shape = example.shape if rows is None else (rows, *example.shape[1:])
+            _check_array(name, self.arrays[name], shape, example.dtype, sized=name not in OF_THE_NETWORK)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the state to one safetensors file and return its path."""
@@ -50,10 +72,32 @@ class EnvState:
             NotFoundError: If there is no such file.
             FileFormatError: If it is torn or foreign.
         """
-        header, arrays = load_tensors(path, kind=KIND)
-        if not isinstance(header.get("of"), str) or not isinstance(header.get("values"), dict):
-            raise FileFormatError(f"{path}: the header of the {KIND} lacks a field")
-        return cls(header["of"], header["values"], arrays)
+        values, arrays = load_tensors(path, kind=KIND)
+        header = Fields(values, f"{path}: header")
+        for name, array in arrays.items():
+            if array.dtype.kind == "f" and not np.isfinite(array).all():
+                raise FileFormatError(f"{path}: the array `{name[:60]}` should hold finite numbers, but does not")
+        return cls(header.text("of"), header.object("values").values, arrays)
+
+
+def _check_value(name: str, found: Any, example: Any) -> None:
+    if name == "random":
+        fits = found is None or isinstance(found, dict)
+    elif isinstance(example, int):
+        fits = type(found) is int and 0 <= found <= MAX_COUNT
+    else:
+        fits = isinstance(found, str)
+    if not fits:
+        raise SettingsError(f"`state`: its `{name}` should be like {example!r:.60}, but is {shown(found)}")
+
+
+def _check_array(name: str, found: np.ndarray, shape: tuple[int, ...], dtype: np.dtype, *, sized: bool) -> None:
+    if found.ndim != len(shape) or found.dtype != dtype or (sized and found.shape != shape):
+        raise SettingsError(
+            f"`state`: its array `{name}` should be {dtype} of shape {shape}, but is {found.dtype} of {found.shape}"
+        )
+    if found.dtype.kind == "f" and found.size and not np.abs(found).max() <= MAX_NUMBER:
+        raise SettingsError(f"`state`: its array `{name}` should hold numbers of at most {MAX_NUMBER:g}, but does not")
 
 
 def generator_state(rng: np.random.Generator | None) -> dict[str, Any] | None:
@@ -72,6 +116,6 @@ def generator_from(state: dict[str, Any] | None) -> np.random.Generator | None:
     bits = np.random.PCG64()
     try:
         bits.state = state  # pyright: ignore[reportAttributeAccessIssue]
-    except (TypeError, ValueError, KeyError) as error:
+    except (TypeError, ValueError, KeyError, OverflowError, AttributeError) as error:
         raise SettingsError(f"`state` should hold a state of numpy's PCG64, but does not: {error}") from error
     return np.random.Generator(bits)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from creative_nao.envs.episodes import Episodes
+from creative_nao.envs.state import OF_THE_NETWORK
 from creative_nao.errors import SettingsError
 from creative_nao.model.memory import Memory
 from creative_nao.model.stepping import Stepper, Unfolding
@@ -133,10 +134,25 @@ class Movements:
         return values, arrays
 
     def restore(self, robot: int, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-        """Take over what `state` told; the robot's memory has to be in place already."""
-        self.n_decided[robot] = values["n_decided"]
-        names = ("network_code", "network_state", "network_activity")
-        self._under_way[robot] = Unfolding(values["tick"], *(arrays[name].copy() for name in names))
+        """Take over what `state` told; the robot's memory has to be in place already.
+
+        Raises:
+            SettingsError: If it does not fit the memory's network.
+        """
+        decided, tick = values["n_decided"], values["tick"]
+        if decided >= self.n_decisions or tick != min(decided * DECISION_TICKS, self._n_steps):
+            raise SettingsError(
+                f"`state`: its `n_decided` should be below {self.n_decisions}, its `tick` {DECISION_TICKS} times that, "
+                f"but they are {decided} and {tick}"
+            )
+        rest = self._stepper(robot).begin(1)
+        for name, array in zip(OF_THE_NETWORK, (rest.code, rest.state, rest.activity), strict=True):
+            if arrays[name].shape != array.shape:
+                raise SettingsError(
+                    f"`state`: its array `{name}` should have shape {array.shape}, but has {arrays[name].shape}"
+                )
+        self.n_decided[robot] = decided
+        self._under_way[robot] = Unfolding(tick, *(arrays[name].copy() for name in OF_THE_NETWORK))
         self._angles[robot] = arrays["unfolded"]
         self._pb[robot] = arrays["pb_path"]
         self._posture[robot] = arrays["posture"]

@@ -336,7 +336,7 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Put each copy into a state, of `get_state` here or of a single environment made alike.
 
         Raises:
-            SettingsError: If they are not one a copy, or of another environment.
+            SettingsError: If they are not one a copy, of another environment, or a part of one does not fit.
             NotFoundError: If a memory is none of this environment's.
         """
         if len(states) != self.num_envs:
@@ -345,7 +345,7 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             self._restore(robot, state)
 
     def _restore(self, robot: int, state: EnvState) -> None:
-        state.check(self._kind)
+        state.check(self._state(robot))
         self._episodes.restore(robot, state.values, state.arrays)
         self._random[robot] = generator_from(state.values["random"])
         self._screen.clear(robot)

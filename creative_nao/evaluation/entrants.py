@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from creative_nao.agents.adapters import PolicyAgent
@@ -23,7 +24,7 @@ def trained_here(name: str) -> bool:
 
 def in_bundle(name: str) -> bool:
     """Return whether an entrant comes out of a bundle that was trained before."""
-    return name not in NAMES and (name in shipped_agents() or Path(name).is_file())
+    return name not in NAMES and (name in shipped_agents() or os.path.isfile(name))
 
 
 def check_entrant(name: str) -> str:

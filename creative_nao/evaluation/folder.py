@@ -9,9 +9,10 @@ from typing import Any
 
 from creative_nao import atomic
 from creative_nao.agents.shipped import find_bundle
-from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.evaluation.entrants import in_bundle
 from creative_nao.evaluation.suites import Suite
+from creative_nao.fields import Fields
 from creative_nao.model.shipped import PRETRAINED, shipped_memories
 from creative_nao.provenance import record, sha256
 from creative_nao.untrusted import as_json, read_text
@@ -50,12 +51,23 @@ def open_folder(
         way = "choose another folder" if _holds_something(folder) else "leave out --resume to start there"
         raise NotFoundError(f"nothing to resume in {folder}: it has no {RECORD}; {way}")
     found = read_record(folder)
+    refuse_links(folder)
     _same_run(folder, found, fresh)
     return found
 
 
 def _holds_something(folder: Path) -> bool:
     return folder.exists() and (not folder.is_dir() or any(folder.iterdir()))
+
+
+def refuse_links(folder: Path) -> None:
+    """Refuse a folder with links in it: what writes there could be led to files elsewhere.
+
+    Raises:
+        SettingsError: Naming the first link.
+    """
+    if links := sorted(path for path in folder.rglob("*") if path.is_symlink()):
+        raise SettingsError(f"{links[0]} is a link: a run that is continued writes into its own folder only; remove it")
 
 
 def read_record(folder: Path) -> dict[str, Any]:
@@ -66,17 +78,19 @@ def read_record(folder: Path) -> dict[str, Any]:
         FileFormatError: If it is damaged; the message names the part.
     """
     path = folder / RECORD
-    found = as_json(read_text(path, "record of a run"), f"record {path}")
-    for part in ("settings", "versions", "command"):
-        if not isinstance(found, dict) or part not in found:
-            raise FileFormatError(f"record {path}: `{part}` is missing")
-    for part in ("settings", "versions"):
-        if not isinstance(found[part], dict):
-            raise FileFormatError(f"record {path}: `{part}` should be a JSON object, but is {found[part]!r:.40}")
-    for part, value in (("suite", found["settings"].get("suite", {})), ("memories", found.get("memories", {}))):
-        if not isinstance(value, dict):
-            raise FileFormatError(f"record {path}: `{part}` should be a JSON object, but is {value!r:.40}")
-    return found
+    values = as_json(read_text(path, "record of a run"), f"record {path}")
+    found = Fields(values, f"record {path}")
+    found.text("command", longest=20_000)
+    settings, versions = found.object("settings"), found.object("versions")
+    for name in versions.values:
+        versions.text(name)
+    if "suite" in settings:
+        settings.object("suite")
+    if "memories" in found:
+        found.object("memories")
+    if "seconds" in found:
+        found.number("seconds", least=0.0)
+    return values
 
 
 def write_record(folder: Path, content: dict[str, Any]) -> Path:

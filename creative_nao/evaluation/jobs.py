@@ -10,8 +10,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from creative_nao import atomic
+from creative_nao.errors import CreativeNaoError
 from creative_nao.evaluation.entrants import check_entrant, trained_here
 from creative_nao.evaluation.suites import Suite
+from creative_nao.fields import Fields, is_plain_name
+from creative_nao.untrusted import as_json, read_text
 
 T = TypeVar("T")
 
@@ -100,13 +103,14 @@ def _groups(values: Sequence[T], size: int) -> list[Sequence[T]]:
 
 def read_result(job: Job, folder: Path) -> dict[str, Any] | None:
     """Return the result of a finished job; None when it has none, a damaged one, or one of another spec."""
+    path = job.result_path(folder)
     try:
-        found = json.loads(job.result_path(folder).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = as_json(read_text(path, "result of a job"), str(path))
+    except CreativeNaoError:
         return None
-    if not isinstance(found, dict) or found.get("job") != job.described():
+    if not isinstance(found, dict) or found.get("job") != job.described() or not isinstance(found.get("result"), dict):
         return None
-    return found.get("result")
+    return found["result"]
 
 
 def write_result(job: Job, folder: Path, result: dict[str, Any]) -> None:
@@ -121,8 +125,24 @@ def write_spec(job: Job, folder: Path) -> Path:
 
 
 def read_spec(path: Path) -> Job:
-    """Return the job that `write_spec` wrote."""
-    return job_from_plain(json.loads(path.read_text(encoding="utf-8")))
+    """Return the job that `write_spec` wrote.
+
+    Raises:
+        NotFoundError: If there is no such file.
+        FileFormatError: If it is torn or foreign; the message names the field.
+    """
+    found = Fields(as_json(read_text(path, "job"), f"job {path}"), f"job {path}")
+    found.only([field.name for field in dataclasses.fields(Job)])
+    for name in ("name", "kind", "title"):
+        found.text(name, longest=10_000)
+    if not is_plain_name(found.text("name", longest=10_000)):
+        raise found.refuse("name", "a plain name")
+    found.object("spec")
+    found.number("seconds", least=0.0)
+    for name in ("needs", "reads", "writes"):
+        if not all(isinstance(one, str) for one in found.listed(name)):
+            raise found.refuse(name, "a list of texts")
+    return job_from_plain(found.values)
 
 
 def job_from_plain(values: dict[str, Any]) -> Job:

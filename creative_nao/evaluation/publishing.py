@@ -11,8 +11,10 @@ from creative_nao import atomic
 from creative_nao.errors import FileFormatError, SettingsError
 from creative_nao.evaluation.folder import read_record
 from creative_nao.evaluation.leaderboard import leaderboard
+from creative_nao.evaluation.result_checks import check_summary, naming
 from creative_nao.evaluation.result_page import result_page
 from creative_nao.evaluation.results import read_results
+from creative_nao.fields import Fields, is_plain_name, shown
 
 RESULTS_AT = "results"
 """Where the documentation keeps the result files, seen from its pages."""
@@ -62,7 +64,9 @@ def publish(folders: Sequence[Path], docs: Path) -> list[Path]:
     published = read_published(docs)
     written.append(atomic.write_text(docs / "leaderboard.md", leaderboard(published)))
     if "search" in {results["suite"] for results in published.values()}:
-        written.append(atomic.write_text(docs / "results.md", result_page(published)))
+        with naming(f"results in {docs / RESULTS_AT}"):
+            page = result_page(published)
+        written.append(atomic.write_text(docs / "results.md", page))
     return written
 
 
@@ -79,3 +83,6 @@ def _check(results: dict[str, Any], path: Path) -> None:
     for part in NEEDED:
         if part not in results:
             raise FileFormatError(f"results {path}: `{part}` is missing; it was made by an old version or by hand")
+    check_summary(Fields(results, f"results {path}"))
+    if not is_plain_name(results["suite"]):
+        raise FileFormatError(f"results {path}: `suite` should be a plain name, but is {shown(results['suite'])}")

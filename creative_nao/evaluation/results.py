@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 
 from creative_nao import atomic
-from creative_nao.errors import FileFormatError
 from creative_nao.evaluation.entrants import actions_before, trained_here
 from creative_nao.evaluation.protocol import Episode, episode_from_json
+from creative_nao.evaluation.result_checks import check_rows
 from creative_nao.evaluation.statistics import estimate, iqm
 from creative_nao.evaluation.suites import Suite
 from creative_nao.evaluation.summary import summarise
+from creative_nao.fields import Fields
 from creative_nao.untrusted import as_json, read_text
 
 MEASURED = ("appropriateness_pct", "novelty", "diversity", "reward", "oracle_share")
@@ -139,12 +140,7 @@ def read_results(path: Path) -> dict[str, Any]:
         FileFormatError: If it is not one; the message names the part.
     """
     found = as_json(read_text(path, "results"), f"results {path}")
-    for part in ("suite", "rows"):
-        if not isinstance(found, dict) or part not in found:
-            raise FileFormatError(f"results {path}: `{part}` is missing")
-    rows = found["rows"]
-    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise FileFormatError(f"results {path}: `rows` should be a list of JSON objects, but is {rows!r:.40}")
+    check_rows(Fields(found, f"results {path}"), MEASURED)
     return found
 
 

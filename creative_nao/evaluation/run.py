@@ -13,6 +13,7 @@ from creative_nao.evaluation.executors import Executor, LocalExecutor
 from creative_nao.evaluation.folder import hashes, open_folder, write_record
 from creative_nao.evaluation.jobs import plan
 from creative_nao.evaluation.protocol import write_episodes
+from creative_nao.evaluation.result_checks import naming
 from creative_nao.evaluation.results import Measured, collect, make_results, write_results
 from creative_nao.evaluation.runner import Progress
 from creative_nao.evaluation.suites import Suite
@@ -63,8 +64,9 @@ def evaluate(
     executor = LocalExecutor.on_all_cores() if executor is None else executor
     start = time.monotonic()
     done = executor.run(jobs, folder, on_progress)
-    measured = collect(suite, [{"spec": job.spec, "result": done[job.name]} for job in jobs])
-    results = make_results(suite, measured, base_seed=seed)
+    with naming(f"results in {folder / 'jobs'}"):
+        measured = collect(suite, [{"spec": job.spec, "result": done[job.name]} for job in jobs])
+        results = make_results(suite, measured, base_seed=seed)
     write_results(folder / "results.json", results)
     write_episodes(folder / "episodes.csv", measured.episodes)
     atomic.write_text(folder / "table.md", markdown_table(results))

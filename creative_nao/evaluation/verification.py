@@ -17,10 +17,12 @@ from creative_nao.evaluation.executors import Executor, LocalExecutor
 from creative_nao.evaluation.folder import memory_hashes, read_record
 from creative_nao.evaluation.jobs import Job, plan
 from creative_nao.evaluation.protocol import episode_from_json
+from creative_nao.evaluation.result_checks import naming
 from creative_nao.evaluation.results import read_results
 from creative_nao.evaluation.runner import Progress
-from creative_nao.evaluation.suites import Suite, suite_from_values
+from creative_nao.evaluation.suites import Suite, refuse_modules, suite_from_values
 from creative_nao.evaluation.summary import summarise
+from creative_nao.fields import Fields
 from creative_nao.provenance import versions
 
 TOLERANCE = 0.01
@@ -67,6 +69,7 @@ class Verification:
 def verify(
     path: Path,
     *,
+    trusted: bool = False,
     n_sample: int = 6,
     row: int | None = None,
     executor: Executor | None = None,
@@ -76,6 +79,7 @@ def verify(
 
     Args:
         path: `results.json` of a run folder, or a published file that holds its record itself.
+        trusted: Whether agents and environments that the file names with a module are imported.
         n_sample: Episodes to play, spread evenly over all of the file or the row; 0 plays them all.
         row: Only this row, counted from 1.
         executor: Where the episodes are played.
@@ -95,11 +99,16 @@ def verify(
     rows = results["rows"]
     if row is not None and not 1 <= row <= len(rows):
         raise SettingsError(f"`--row` should be between 1 and {len(rows)}, the rows of {path}, but is {row}")
-    suite = suite_from_values(record["settings"]["suite"], where=f"results {path}, `settings`")
-    base_seed = int(record["settings"]["seed"])
-    chosen = _sample(rows if row is None else [rows[row - 1]], n_sample)
-    differences = _differences(suite, record)
-    jobs = _jobs(suite, base_seed, {(r["agent"], r["memory"], seed) for r, seed in chosen})
+    settings = Fields(record, f"results {path}: record").object("settings")
+    suite = suite_from_values(settings.object("suite").values, where=f"results {path}, `settings`")
+    if not trusted:
+        refuse_modules(suite, f"results {path}")
+    base_seed = settings.whole("seed", least=0)
+    with naming(f"results {path}"):
+        chosen = _sample(rows if row is None else [rows[row - 1]], n_sample)
+        differences = _differences(suite, record)
+        jobs = _jobs(suite, base_seed, {(r["agent"], r["memory"], seed) for r, seed in chosen})
+        broken = tuple(contradictions(results, suite.baseline, base_seed))
     with tempfile.TemporaryDirectory(prefix="creative-nao-") as folder:
         done = (executor or LocalExecutor.on_all_cores()).run(jobs, Path(folder), on_progress)
     played = {
@@ -110,10 +119,12 @@ def verify(
     checks = []
     for entry, seed in chosen:
         key = (entry["agent"], entry["env"], entry["memory"], seed)
+        if key not in played:
+            raise FileFormatError(f"results {path}: row of {_name(entry)}, {entry['memory']}, is none of its suite's")
         published, found = entry["reward_per_seed"][str(seed)], played[key]
         holds = found == published if not differences else math.isclose(found, published, rel_tol=TOLERANCE)
         checks.append(Check(*key, published, found, holds))
-    return Verification(tuple(checks), tuple(differences), tuple(contradictions(results, suite.baseline, base_seed)))
+    return Verification(tuple(checks), tuple(differences), broken)
 
 
 def contradictions(results: Mapping[str, Any], baseline: str, base_seed: int) -> list[str]:

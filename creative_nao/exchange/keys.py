@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from creative_nao.demonstrations.csv_format import LARGEST_TIME_S, SHORTEST_STEP_S
 from creative_nao.demonstrations.dataset import DEGREES_FROM_RAD, LIMIT_TOLERANCE_RAD
 from creative_nao.demonstrations.keyframes import DT_S
 from creative_nao.demonstrations.resampling import monotone_cubic, n_ticks, resample
@@ -22,6 +23,8 @@ from creative_nao.joints import LIMITS_RAD
 MAX_POSTURES = 20_000
 """Longest movement that is read, in postures."""
 
+LARGEST_ANGLE = 1e6
+"""In radians or degrees: a motor turns, but not to the stars."""
 _EVEN_S = 1e-6
 
 
@@ -105,7 +108,17 @@ def _check(name: str, times: np.ndarray, angles: np.ndarray, path: Path) -> None
         raise FileFormatError(f"{path}: {name} has {len(times)} keys, expected at most {MAX_POSTURES}.")
     if not (np.isfinite(times).all() and np.isfinite(angles).all()):
         raise FileFormatError(f"{path}: {name} has a time or an angle that is not a finite number.")
-    late = np.flatnonzero(np.diff(times) <= 0)
+    for what, values, most in (("time", times, LARGEST_TIME_S), ("angle", angles, LARGEST_ANGLE)):
+        if np.abs(values).max() > most:
+            raise FileFormatError(
+                f"{path}: {name} has the {what} {values[np.abs(values).argmax()]:g}, beyond {most:g}."
+            )
+    steps = np.diff(times)
+    late = np.flatnonzero(steps < SHORTEST_STEP_S)
+    if len(late) and steps[late[0]] > 0:
+        raise FileFormatError(
+            f"{path}: {name} has keys {steps[late[0]]:g} s apart, expected {SHORTEST_STEP_S:g} or more."
+        )
     if len(late):
         k = int(late[0]) + 1
         raise FileFormatError(

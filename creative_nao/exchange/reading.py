@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
 
-from creative_nao.errors import FileFormatError, NotFoundError
+from creative_nao import untrusted
+from creative_nao.errors import FileFormatError
+from creative_nao.fields import Fields
 
 MAX_FILE_BYTES = 20_000_000
 """Larger files are refused before they are read."""
@@ -20,12 +21,7 @@ def read_bytes(path: Path, largest: int = MAX_FILE_BYTES) -> bytes:
         NotFoundError: If there is no such file.
         FileFormatError: If it is larger, or empty.
     """
-    if not path.is_file():
-        raise NotFoundError(f"no movement at {path}.")
-    size = path.stat().st_size
-    if size > largest:
-        raise FileFormatError(f"{path}: has {size} bytes, expected at most {largest}.")
-    content = path.read_bytes()
+    content = untrusted.read_bytes(path, "movement", largest)
     if not content.strip():
         raise FileFormatError(f"{path}: is empty, expected a movement.")
     return content
@@ -37,10 +33,7 @@ def as_text(path: Path, content: bytes) -> str:
     Raises:
         FileFormatError: If it is not.
     """
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path}: byte {error.start} is not UTF-8 text.") from None
+    return untrusted.as_text(content, str(path), "movement")
 
 
 def as_json(path: Path, text: str) -> dict[str, Any]:
@@ -49,18 +42,7 @@ def as_json(path: Path, text: str) -> dict[str, Any]:
     Raises:
         FileFormatError: If it is torn, nested too deeply, holds NaN, or is not an object.
     """
-
-    def refuse(word: str) -> float:
-        raise ValueError(f"it holds {word}")
-
-    try:
-        found = json.loads(text, parse_constant=refuse)
-    except (ValueError, RecursionError) as error:
-        reason = "it is nested too deeply" if isinstance(error, RecursionError) else error
-        raise FileFormatError(f"{path}: is not JSON: {reason}.") from None
-    if not isinstance(found, dict):
-        raise FileFormatError(f"{path}: should hold a JSON object, but holds {type(found).__name__}.")
-    return found
+    return Fields(untrusted.as_json(text, str(path)), str(path)).values
 
 
 def number(value: object, path: Path, where: str) -> float:

@@ -6,25 +6,19 @@ are left to the check before an export.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-import struct
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from creative_nao import atomic
+from creative_nao import atomic, npz
 from creative_nao.demonstrations import csv_format
 from creative_nao.errors import FileFormatError
 from creative_nao.exchange import reading
 from creative_nao.exchange.keys import Keys
 from creative_nao.exchange.motion import Motion
-
-_BROKEN_ZIP = (ValueError, OSError, EOFError, KeyError, RuntimeError, struct.error, zlib.error, zipfile.BadZipFile)
+from creative_nao.fields import only_arrays
 
 
 def write_csv(motion: Motion, path: Path) -> list[str]:
@@ -39,12 +33,7 @@ def read_csv(path: Path, content: bytes) -> Keys:
     Raises:
         FileFormatError: If it is not such a table; the message names line and column.
     """
-    reader = csv.reader(io.StringIO(reading.as_text(path, content), newline=""))
-    try:
-        table = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
-    except csv.Error as error:
-        raise FileFormatError(f"{path}: line {reader.line_num}: not a line of CSV ({error}).") from None
-    table = [(line, row) for line, row in table if any(row)]
+    table = csv_format.split_table(path, reading.as_text(path, content))
     header = table[0][1] if table else []
     time = csv_format.TIME_COLUMN
     if header.count(time) != 1 or len(header) < 2:
@@ -93,7 +82,8 @@ def read_npz(path: Path, content: bytes) -> Keys:
     Raises:
         FileFormatError: If an array is missing, torn, pickled, or has the wrong type or shape.
     """
-    arrays = _arrays(path, content)
+    arrays = npz.unpack_npz(path, "movement", content, reading.MAX_FILE_BYTES)
+    only_arrays(path, arrays, ("angles", "joints", "dt_s", "times_s", "metadata"))
     for name in ("angles", "joints"):
         if name not in arrays:
             raise FileFormatError(f"{path}: the array `{name}` is missing; the file has {', '.join(arrays)[:200]}.")
@@ -133,17 +123,3 @@ def _metadata(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
     if arrays["metadata"].dtype.kind != "U" or arrays["metadata"].shape != ():
         raise FileFormatError(f"{path}: `metadata` should be JSON text, but is {arrays['metadata'].dtype}.")
     return reading.as_json(path, str(arrays["metadata"]))
-
-
-def _arrays(path: Path, content: bytes) -> dict[str, np.ndarray]:
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            unpacked = sum(entry.file_size for entry in archive.infolist())
-        if unpacked > reading.MAX_FILE_BYTES:
-            raise FileFormatError(f"{path}: unpacks to {unpacked} bytes, expected at most {reading.MAX_FILE_BYTES}.")
-        with np.load(io.BytesIO(content), allow_pickle=False) as found:
-            return {name: np.asarray(found[name]) for name in found.files}
-    except FileFormatError:
-        raise
-    except (*_BROKEN_ZIP, MemoryError, NotImplementedError) as error:
-        raise FileFormatError(f"{path}: is not a readable NPZ file of plain arrays ({str(error)[:120]}).") from None

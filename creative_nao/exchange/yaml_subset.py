@@ -14,7 +14,10 @@ from creative_nao.errors import FileFormatError
 
 _MAX_DEPTH = 12
 _KEY = re.compile(r"""(?P<key>[A-Za-z_][\w/.-]*|"[^"\\]*"|'[^']*')\s*:(?:\s+(?P<rest>.*))?$""", re.ASCII)
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+_FLOW_KEY = re.compile(r"""([A-Za-z_]\w*|"[^"\\]*"|'[^']*')\s*:\s*""", re.ASCII)
+_WORD = re.compile(r"""("[^"\\]*"|'[^']*'|[^,\[\]{}"']*)""")
+_BLANKS = re.compile(r"\s*")
+_NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
 _REFUSED = ("&", "*", "!", "|", ">", "%", "@", "`", "?")
 
@@ -137,62 +140,62 @@ class _Reader:
 
     def scalar(self, text: str) -> Any:
         if text[0] in "[{":
-            value, rest = self.flow(text, 0)
-            return value if not rest.strip() else self.fail("has something after its closing bracket")
+            value, end = self.flow(text, 0, 0)
+            return value if end == len(text) else self.fail("has something after its closing bracket")
         if text[0] in _REFUSED:
             return self.fail(f"uses `{text[0]}`, a part of YAML that is not read here")
         return _plain(text)
 
-    def flow(self, text: str, depth: int) -> tuple[Any, str]:
-        """Read `[...]`, `{...}` or a word from the start of `text`; return it and what follows."""
+    def flow(self, text: str, at: int, depth: int) -> tuple[Any, int]:
+        """Read `[...]`, `{...}` or a word at a place in `text`; return it and the place of what follows.
+
+        The text is never cut: a line may have 20 million characters, and a copy for each word would take days.
+        """
         if depth > _MAX_DEPTH:
             self.fail(f"is nested more than {_MAX_DEPTH} deep")
-        text = text.lstrip()
-        if text[:1] == "[":
-            return self.flow_list(text[1:], depth)
-        if text[:1] == "{":
-            return self.flow_mapping(text[1:], depth)
-        match = re.match(r"""\s*("[^"\\]*"|'[^']*'|[^,\[\]{}"']*)""", text)
-        word = match[1] if match else ""
-        if word[:1] and word[0] in _REFUSED:
+        if text[at : at + 1] == "[":
+            return self.flow_list(text, _skip(text, at + 1), depth)
+        if text[at : at + 1] == "{":
+            return self.flow_mapping(text, _skip(text, at + 1), depth)
+        match = _WORD.match(text, at)
+        word = match[0] if match else ""
+        if word[:1] in _REFUSED:
             self.fail(f"uses `{word[0]}`, a part of YAML that is not read here")
-        return _plain(word.strip()), text[match.end() if match else 0 :]
+        return _plain(word.strip()), _skip(text, at + len(word))
 
-    def flow_list(self, text: str, depth: int) -> tuple[list[Any], str]:
-        close = text.find("]")
-        inner = text[: close if close >= 0 else 0]
-        if close >= 0 and not any(mark in inner for mark in "[{\"'"):  # by far the most frequent: numbers only
-            return [_plain(word.strip()) for word in inner.split(",")] if inner.strip() else [], text[close + 1 :]
+    def flow_list(self, text: str, at: int, depth: int) -> tuple[list[Any], int]:
         found = []
-        while True:
-            text = text.lstrip()
-            if text[:1] == "]":
-                return found, text[1:]
-            value, text = self.flow(text, depth + 1)
+        while text[at : at + 1] != "]":
+            value, at = self.flow(text, at, depth + 1)
             found.append(value)
-            text = text.lstrip()
-            if text[:1] == ",":
-                text = text[1:]
-            elif text[:1] != "]":
+            if text[at : at + 1] == ",":
+                at = _skip(text, at + 1)
+            elif text[at : at + 1] != "]":
                 self.fail("has a list that is not closed on its line")
+        return found, _skip(text, at + 1)
 
-    def flow_mapping(self, text: str, depth: int) -> tuple[dict[str, Any], str]:
+    def flow_mapping(self, text: str, at: int, depth: int) -> tuple[dict[str, Any], int]:
         found: dict[str, Any] = {}
-        while True:
-            text = text.lstrip()
-            if text[:1] == "}":
-                return found, text[1:]
-            match = re.match(r"""([A-Za-z_]\w*|"[^"\\]*"|'[^']*')\s*:\s*""", text, re.ASCII)
+        while text[at : at + 1] != "}":
+            match = _FLOW_KEY.match(text, at)
             if not match:
                 self.fail("has a mapping that cannot be read")
                 break
-            found[match[1].strip("\"'")], text = self.flow(text[match.end() :], depth + 1)
-            text = text.lstrip()
-            if text[:1] == ",":
-                text = text[1:]
-            elif text[:1] != "}":
+            key = match[1].strip("\"'")
+            if key in found:
+                self.fail(f"says `{key[:40]}` twice")
+            found[key], at = self.flow(text, match.end(), depth + 1)
+            if text[at : at + 1] == ",":
+                at = _skip(text, at + 1)
+            elif text[at : at + 1] != "}":
                 self.fail("has a mapping that is not closed on its line")
-        return found, text
+        return found, _skip(text, at + 1)
+
+
+def _skip(text: str, at: int) -> int:
+    """Return the place of the next character that is no blank."""
+    match = _BLANKS.match(text, at)
+    return match.end() if match else at
 
 
 def _without_comment(line: str) -> str:

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from creative_nao import atomic
-from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.errors import FileFormatError, SettingsError
+from creative_nao.fields import LONGEST_NAME, Fields, is_writable
 from creative_nao.untrusted import as_json, read_text
 
 FORMAT_VERSION = 1
@@ -32,12 +33,14 @@ class Favourite:
 
     def __post_init__(self) -> None:
         """Check the fields, which may come from a file."""
-        points = np.asarray(self.points, dtype=np.float64)
+        points = np.asarray(self.points)
         fits = points.ndim == 2 and points.shape[1:] == (2,) and 1 <= len(points) <= MAX_POINTS
-        if not fits or not (np.abs(points) <= 1).all():
+        if not fits or points.dtype.kind not in "fi" or not (np.abs(points) <= 1).all():
             raise SettingsError("`points` of a favourite should be 1 to 200 pairs of numbers in [-1, 1]")
-        if not isinstance(self.note, str) or len(self.note) > MAX_NOTE or not isinstance(self.memory, str):
-            raise SettingsError(f"`note` of a favourite should be text of at most {MAX_NOTE} characters")
+        for field, longest in (("note", MAX_NOTE), ("memory", LONGEST_NAME)):
+            text = getattr(self, field)
+            if not isinstance(text, str) or len(text) > longest or not is_writable(text):
+                raise SettingsError(f"`{field}` of a favourite should be text of at most {longest} characters")
         object.__setattr__(self, "points", tuple((float(a), float(b)) for a, b in points))
 
 
@@ -91,12 +94,18 @@ class Session:
 
 
 def _read(path: Path) -> list[Favourite]:
-    try:
-        content = as_json(read_text(path, "session of the explorer", MAX_FILE_BYTES), str(path))
-        if content["format_version"] != FORMAT_VERSION:
-            raise FileFormatError(f"{path}: session format {content['format_version']!r}, expected {FORMAT_VERSION}")
-        return [Favourite(one["memory"], one["points"], one["note"]) for one in content["favourites"]][-MAX_FAVOURITES:]
-    except (FileFormatError, NotFoundError):
-        raise
-    except (ValueError, KeyError, TypeError, OverflowError) as error:
-        raise FileFormatError(f"{path}: not a session of the explorer: {error}; move it away to begin anew") from error
+    where = f"{path}: not a session of the explorer, move it away to begin anew"
+    found = Fields(as_json(read_text(path, "session of the explorer", MAX_FILE_BYTES), where), where)
+    found.version("format_version", FORMAT_VERSION)
+    favourites = []
+    for told in found.objects("favourites"):
+        told.only(("memory", "points", "note"))
+        try:
+            favourites.append(
+                Favourite(told.text("memory"), tuple(told.listed("points", MAX_POINTS)), told.text("note", MAX_NOTE))
+            )
+        except FileFormatError:
+            raise
+        except (ValueError, TypeError, OverflowError) as error:
+            raise FileFormatError(f"{told.where}: {error}") from error
+    return favourites[-MAX_FAVOURITES:]

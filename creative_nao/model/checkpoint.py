@@ -13,6 +13,7 @@ import numpy as np
 
 from creative_nao.demonstrations import Demonstrations
 from creative_nao.errors import FileFormatError, SettingsError
+from creative_nao.fields import Fields, only_arrays, shown
 from creative_nao.model.config import NetworkSettings, TrainingSettings
 from creative_nao.model.engine import TrainingState
 from creative_nao.model.parameters import n_parameters, parameter_shapes
@@ -49,28 +50,27 @@ def load_checkpoint(
             of epochs may differ, so that a finished run can be continued.
         FileFormatError: If the file is torn or foreign.
     """
-    header, tensors = load_tensors(path, kind=KIND)
+    values, tensors = load_tensors(path, kind=KIND)
+    header = Fields(values, f"{path}: header")
     expected = _identity(demonstrations, network, training)
     for part in ("network", "training"):
-        found = header.get(part)
-        if not isinstance(found, dict):
-            raise FileFormatError(f"{path}: the header of the checkpoint lacks `{part}`")
+        found = header.object(part).values
         for field, value in expected[part].items():
             came = found.get(field)
             came = tuple(came) if isinstance(came, list) else came
-            if came != value and field != "n_epochs":
-                raise SettingsError(f"{path}: made with {field}={came!r}, but {field}={value!r} is asked for")
-    if header.get("demonstrations") != expected["demonstrations"]:
+            if (came != value or isinstance(came, bool) is not isinstance(value, bool)) and field != "n_epochs":
+                raise SettingsError(f"{path}: made with {field}={shown(came)}, but {field}={value!r} is asked for")
+    if header.any("demonstrations") != expected["demonstrations"]:
         raise SettingsError(f"{path}: made with other demonstrations than those given")
     n_codes = demonstrations.n_joints * network.n_softmax_units
     size = n_parameters(parameter_shapes(network, n_codes, demonstrations.n_actions))
-    vectors = {name: take(path, tensors, name, (size,)).astype(np.float32) for name in _VECTORS}
-    history = take(path, tensors, "loss_history", (None,)).astype(np.float64)
-    try:
-        best_loss = math.inf if header["best_loss"] is None else float(header["best_loss"])
-        best_epoch = int(header["best_epoch"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise FileFormatError(f"{path}: the header of the checkpoint lacks or breaks a field: {error}") from error
+    only_arrays(path, tensors, [*_VECTORS, "loss_history"])
+    vectors = {name: take(path, tensors, name, (size,), np.float32) for name in _VECTORS}
+    if (vectors["second_moment"] < 0).any():
+        raise FileFormatError(f"{path}: the array `second_moment` should hold means of squares, but some are below 0")
+    history = take(path, tensors, "loss_history", (None,), np.float64)
+    best_loss = math.inf if header.any("best_loss") is None else header.number("best_loss")
+    best_epoch = header.whole("best_epoch", least=0, most=len(history))
     return TrainingState(**vectors, loss_history=history, best_loss=best_loss, best_epoch=best_epoch)
 
 

@@ -7,6 +7,13 @@ import math
 from typing import Any, Literal
 
 from creative_nao.errors import FileFormatError, SettingsError
+from creative_nao.fields import Fields
+
+MAX_LAYERS = 64
+MAX_NEURONS = 20_000
+"""Of all layers together: their weights then take 1.6 GB."""
+MAX_TIME_CONSTANT = 1e6
+SIGMA_RANGE = (1e-6, 1e6)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,7 +41,8 @@ class NetworkSettings:
         """Check every field."""
         object.__setattr__(self, "layer_sizes", tuple(self.layer_sizes))
         object.__setattr__(self, "time_constants", tuple(float(c) for c in self.time_constants))
-        _require(len(self.layer_sizes) >= 1, "layer_sizes", "at least one layer", self.layer_sizes)
+        layers = f"1 to {MAX_LAYERS} layers"
+        _require(1 <= len(self.layer_sizes) <= MAX_LAYERS, "layer_sizes", layers, self.layer_sizes)
         _require(all(_is_count(n) for n in self.layer_sizes), "layer_sizes", "positive whole numbers", self.layer_sizes)
         _require(
             len(self.time_constants) == len(self.layer_sizes),
@@ -42,17 +50,21 @@ class NetworkSettings:
             f"one per layer, {len(self.layer_sizes)}",
             self.time_constants,
         )
-        _require(all(1 <= c < math.inf for c in self.time_constants), "time_constants", ">= 1", self.time_constants)
-        _require(_is_count(self.n_pb), "n_pb", "a whole number >= 1", self.n_pb)
+        _require(self.n_hidden <= MAX_NEURONS, "layer_sizes", f"at most {MAX_NEURONS} neurons", self.layer_sizes)
+        within = all(1 <= c <= MAX_TIME_CONSTANT for c in self.time_constants)
+        _require(within, "time_constants", f"from 1 to {MAX_TIME_CONSTANT:g}", self.time_constants)
+        few = _is_count(self.n_pb) and self.n_pb <= MAX_NEURONS
+        _require(few, "n_pb", f"a whole number from 1 to {MAX_NEURONS}", self.n_pb)
         _require(
-            _is_count(self.n_softmax_units) and self.n_softmax_units >= 2,
+            _is_count(self.n_softmax_units) and 2 <= self.n_softmax_units <= MAX_NEURONS,
             "n_softmax_units",
-            "a whole number >= 2",
+            f"a whole number from 2 to {MAX_NEURONS}",
             self.n_softmax_units,
         )
+        low, high = SIGMA_RANGE
         for field in ("sigma", "weight_scale", "pb_weight_scale"):
             value = getattr(self, field)
-            _require(0 < value < math.inf, field, "a positive number", value)
+            _require(low <= value <= high, field, f"a positive number from {low:g} to {high:g}", value)
         _require(self.sigma_unit in ("spacing2", "rad2"), "sigma_unit", "`spacing2` or `rad2`", self.sigma_unit)
 
     @property
@@ -108,7 +120,25 @@ def settings_from_header(cls: type, fields: Any, where: str) -> Any:
     Raises:
         FileFormatError: If a field is unknown, of the wrong type or out of range; the message starts with `where`.
     """
+    found = Fields(fields, f"{where}: {cls.__name__} in its header")
+    kinds = {field.name: str(field.type) for field in dataclasses.fields(cls)}
+    found.only(kinds)
     try:
-        return cls(**fields)
-    except (TypeError, SettingsError) as error:
-        raise FileFormatError(f"{where}: {cls.__name__} in its header: {error}") from error
+        return cls(**{name: _typed(found, name, kinds[name]) for name in found.values})
+    except SettingsError as error:
+        raise FileFormatError(f"{found.where}: {error}") from error
+
+
+def _typed(found: Fields, name: str, kind: str) -> Any:
+    """Return a field as its annotation wants it."""
+    if kind == "int":
+        return found.whole(name)
+    if kind == "float":
+        return found.number(name)
+    if not kind.startswith("tuple["):
+        return found.text(name)
+    numbers = found.listed(name, most=MAX_LAYERS)
+    allowed = (int,) if kind.startswith("tuple[int") else (int, float)
+    if any(type(number) not in allowed for number in numbers):
+        raise found.refuse(name, "a list of numbers" if float in allowed else "a list of whole numbers")
+    return tuple(numbers)

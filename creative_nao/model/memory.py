@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from creative_nao.demonstrations import Demonstrations
+from creative_nao.demonstrations.csv_format import MAX_STEPS
 from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError, ShapeError
+from creative_nao.fields import Fields, only_arrays
 from creative_nao.model.config import NetworkSettings, TrainingSettings, settings_from_header
 from creative_nao.model.encoding import SoftmaxEncoding
 from creative_nao.model.generation import ClosedLoopGenerator
@@ -28,6 +30,12 @@ FORMAT_VERSION = 1
 KIND = "memory"
 MAX_CURVE_POINTS = 5000
 """A memory keeps at most this many points of its learning curve; a checkpoint keeps all."""
+
+
+MIN_SPAN_RAD = 1e-9
+"""A joint that moves less does not move: its reference angles could not be told apart."""
+MAX_WEIGHT = 1e6
+"""Largest weight of a memory file; the largest of the shipped bank is 34. Beyond 1e30 sums would overflow."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -199,46 +207,61 @@ class Memory:
             NotFoundError: If there is no such file.
             FileFormatError: If it is torn, foreign or inconsistent; the message names the part.
         """
-        header, tensors = load_tensors(path, kind=KIND)
-        if header.get("format_version") != FORMAT_VERSION:
-            raise FileFormatError(
-                f"{path}: memory format version {header.get('format_version')!r}, this release reads {FORMAT_VERSION}"
-            )
-        network = settings_from_header(NetworkSettings, header.get("network"), str(path))
-        training = settings_from_header(TrainingSettings, header.get("training"), str(path))
-        try:
-            joints, names = tuple(header["joints"]), tuple(header["actions"])
-            dt_s, record = float(header["dt_s"]), dict(header["record"])
-            every, best_epoch, best_loss = (
-                int(header["loss_every"]),
-                int(header["best_epoch"]),
-                float(header["best_loss"]),
-            )
-            taught_record = dict(header["demonstrations_record"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise FileFormatError(f"{path}: the header of the memory lacks or breaks a field: {error}") from error
-        taught = [take(path, tensors, f"demonstration/{i}", (None, len(joints))) for i in range(len(names))]
-        try:
-            demonstrations = Demonstrations(names, taught, dt_s, joints, taught_record)
-        except CreativeNaoError as error:
-            raise FileFormatError(f"{path}: its demonstrations: {error}") from error
+        values, tensors = load_tensors(path, kind=KIND)
+        header = Fields(values, f"{path}: header")
+        header.version("format_version", FORMAT_VERSION)
+        network = settings_from_header(NetworkSettings, header.any("network"), str(path))
+        training = settings_from_header(TrainingSettings, header.any("training"), str(path))
+        joints, names = header.names("joints"), header.names("actions")
         shapes = parameter_shapes(network, len(joints) * network.n_softmax_units, len(names))
-        parameters = {
-            key: take(path, tensors, f"parameter/{key}", shape).astype(np.float32) for key, shape in shapes.items()
-        }
-        history = take(path, tensors, "loss_history", (None,))
+        parts = [f"demonstration/{place}" for place in range(len(names))]
+        only_arrays(path, tensors, [*parts, *(f"parameter/{key}" for key in shapes), "loss_history"])
         return cls(
-            network,
-            training,
-            parameters,
-            demonstrations,
-            history,
-            every,
-            best_epoch,
-            best_loss,
-            record,
-            name or str(path),
+            network=network,
+            training=training,
+            parameters={key: _weights(path, tensors, f"parameter/{key}", shape) for key, shape in shapes.items()},
+            demonstrations=_taught(path, header, tensors, names, joints, network),
+            loss_history=take(path, tensors, "loss_history", (None,), np.float32),
+            loss_every=header.whole("loss_every", least=1),
+            best_epoch=header.whole("best_epoch", least=0),
+            best_loss=header.number("best_loss"),
+            record=header.object("record").values,
+            name=name or str(path),
         )
+
+
+def _weights(path: str | os.PathLike[str], tensors: dict[str, np.ndarray], name: str, shape: Any) -> np.ndarray:
+    found = take(path, tensors, name, shape, np.float32)
+    if found.size and np.abs(found).max() > MAX_WEIGHT:
+        raise FileFormatError(
+            f"{path}: the array `{name}` should hold weights of at most {MAX_WEIGHT:g}, "
+            f"but holds {found.flat[np.abs(found).argmax()]:g}"
+        )
+    return found
+
+
+def _taught(
+    path: str | os.PathLike[str],
+    header: Fields,
+    tensors: dict[str, np.ndarray],
+    names: tuple[str, ...],
+    joints: tuple[str, ...],
+    network: NetworkSettings,
+) -> Demonstrations:
+    taught = [take(path, tensors, f"demonstration/{i}", (None, len(joints)), np.float64) for i in range(len(names))]
+    for place, trajectory in enumerate(taught):
+        if len(trajectory) > MAX_STEPS:
+            raise FileFormatError(
+                f"{path}: the array `demonstration/{place}` has {len(trajectory)} postures, "
+                f"expected at most {MAX_STEPS}"
+            )
+    record = header.object("demonstrations_record").values
+    try:
+        demonstrations = Demonstrations(names, taught, header.number("dt_s"), joints, record)
+        encoding_of(demonstrations, network)
+        return demonstrations
+    except CreativeNaoError as error:
+        raise FileFormatError(f"{path}: its demonstrations: {error}") from error
 
 
 def encoding_of(demonstrations: Demonstrations, network: NetworkSettings) -> SoftmaxEncoding:
@@ -248,7 +271,8 @@ def encoding_of(demonstrations: Demonstrations, network: NetworkSettings) -> Sof
         SettingsError: If a joint does not move in any demonstration.
     """
     angles = np.concatenate(demonstrations.trajectories)
-    still = [joint for joint, span in zip(demonstrations.joints, np.ptp(angles, axis=0), strict=True) if not span > 0]
+    spans = np.ptp(angles, axis=0)
+    still = [joint for joint, span in zip(demonstrations.joints, spans, strict=True) if not span > MIN_SPAN_RAD]
     if still:
         raise SettingsError(
             f"{', '.join(still)} never moves in the demonstrations; leave the joint out or let it move, "

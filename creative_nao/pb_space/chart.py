@@ -11,15 +11,20 @@ from typing import Any
 import numpy as np
 
 from creative_nao.atomic import replacing
-from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.errors import NotFoundError, SettingsError
+from creative_nao.fields import only_arrays
 from creative_nao.measures import OUTCOMES, Criteria, score
 from creative_nao.model import Memory
+from creative_nao.npz import read_npz, take_array, take_header, take_record
 from creative_nao.pb_space.grid import PAPER_RESOLUTION, pb_grid
 from creative_nao.provenance import record
-from creative_nao.untrusted import read_npz, take_array, take_header, whole_number
 
 FORMAT_VERSION = 1
 MAX_RESOLUTION = 4000
+MAX_DISTANCE = 1e30
+"""Largest distance of a file; float32 ends at 3e38."""
+ARRAYS = ("header", "outcome", "nearest", "distance", "learned_pb")
+"""Of a map file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,29 +102,19 @@ class PBMap:
         if not source.is_file():
             raise NotFoundError(f"no PB map at {source}; make one with `creative-nao map MEMORY --out {source}`")
         arrays = read_npz(source, "PB map", largest=16 * MAX_RESOLUTION**2)
+        only_arrays(source, arrays, ARRAYS)
         header = take_header(source, arrays, "PB map")
-        if header.get("format_version") != FORMAT_VERSION:
-            raise FileFormatError(
-                f"{source}: map format {header.get('format_version')!r:.40}, expected {FORMAT_VERSION}"
-            )
-        try:
-            resolution, names = whole_number(header["resolution"]), tuple(map(str, header["names"]))
-            map_record = dict(header["record"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise FileFormatError(f"{source}: not a PB map: its header lacks or breaks a field: {error}") from error
-        if not 2 <= resolution <= MAX_RESOLUTION:
-            raise FileFormatError(f"{source}: resolution {resolution:.6g}, expected 2 to {MAX_RESOLUTION}")
-        codes = take_array(source, arrays, "outcome", (resolution**2,), kinds="iu")
-        nearest = take_array(source, arrays, "nearest", (resolution**2,), kinds="iu")
-        distance = take_array(source, arrays, "distance", (resolution**2,), kinds="f")
-        learned_pb = take_array(source, arrays, "learned_pb", (len(names), 2), kinds="f")
-        if codes.min() < 0 or codes.max() >= len(OUTCOMES):
-            raise FileFormatError(f"{source}: `outcome` holds a code outside 0 to {len(OUTCOMES) - 1}")
-        if nearest.min() < 0 or nearest.max() >= len(names):
-            raise FileFormatError(f"{source}: `nearest` holds a place outside 0 to {len(names) - 1}")
+        header.version("format_version", FORMAT_VERSION)
+        resolution, names = header.whole("resolution", 2, MAX_RESOLUTION), header.names("names")
+        n = (resolution**2,)
+        codes = take_array(source, arrays, "outcome", n, kinds="iu", least=0, most=len(OUTCOMES) - 1)
+        nearest = take_array(source, arrays, "nearest", n, kinds="iu", least=0, most=len(names) - 1)
+        distance = take_array(source, arrays, "distance", n, kinds="f", least=0.0, most=MAX_DISTANCE)
+        learned_pb = take_array(source, arrays, "learned_pb", (len(names), 2), kinds="f", least=-1.0, most=1.0)
         outcome = np.array(sorted(OUTCOMES))[codes]
         return cls(
-            resolution, pb_grid(resolution), outcome, nearest.astype(np.int64), distance, learned_pb, names, map_record,
+            resolution, pb_grid(resolution), outcome, nearest.astype(np.int64), distance, learned_pb, names,
+            take_record(header),
         )  # fmt: skip
 
     def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:

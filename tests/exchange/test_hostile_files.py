@@ -60,8 +60,8 @@ def points(*rows, names=("RElbowYaw",)):
 
 CASES = {
     "nan.json": (keys(angles=[[0.1, float("nan"), 0.1]] * 8), "it holds NaN"),
-    "huge.json": (keys(angles=[[0.1, 10**400, 0.1]] * 8), "huge whole number, expected a finite number"),
-    "overflow.json": (keys().replace("0.1", "1e999"), "is inf, expected a finite number"),
+    "huge.json": (keys(angles=[[0.1, 10**400, 0.1]] * 8), "it holds a whole number of 401 digits"),
+    "overflow.json": (keys().replace("0.1", "1e999"), "it holds 1e999"),
     "text.json": (keys(angles=[["x", 1, 2]] * 8), "an angle of RShoulderPitch is 'x', expected a number"),
     "true.json": (keys(angles=[[True, 1, 2]] * 8), "is True, expected a number"),
     "short.json": (keys(angles=[[0.1, 0.1]] * 8), "has 3 times and 2 angles"),
@@ -75,7 +75,7 @@ CASES = {
     "milliseconds.json": (keys(times=[0, 5000, 91234]), "are the times in seconds, not milliseconds"),
     "single.json": (keys(times=[1.0], angles=[[0.1]] * 8), "has a single posture"),
     "deep.json": ('{"names": ' + "[" * 100_000 + "]" * 100_000 + "}", "nested too deeply"),
-    "list.json": ("[1, 2]", "should hold a JSON object"),
+    "list.json": ("[1, 2]", r"should be a JSON object, but is \[1, 2\]"),
     "point.json": (points({"positions": [1, 2]}), "point 0 has 2 positions, expected 1"),
     "time.json": (points({"positions": [1.0]}), "`time_from_start` of point 0 is None"),
     "points.json": ('{"joint_names": ["a"], "points": 3}', "`points` should be a list, but is 3"),
@@ -105,7 +105,7 @@ CASES = {
     "comma.csv": ('time_s,RElbowYaw\n0,"0,5"\n', "a decimal comma"),
     "time.csv": ("time_s,RElbowYaw\nx,1\n1,2\n", "`time_s` holds something that is not a number"),
     "angle.csv": ("time_s,RElbowYaw\n0,x\n1,2\n", "RElbowYaw has a time or an angle that is not a finite number"),
-    "text.npz": ("PK\x03\x04 nothing", "is not a readable NPZ file"),
+    "text.npz": ("PK\x03\x04 nothing", "no readable NPZ file"),
 }  # fmt: skip
 
 
@@ -136,16 +136,19 @@ GOOD = {"angles": np.zeros((3, 1)), "dt_s": np.array(0.1), "joints": np.array(["
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"angles": np.array([[{}]], dtype=object)}, "not a readable NPZ file of plain arrays"),
+        (
+            {"angles": np.array([[{}]], dtype=object)},
+            "`angles` holds object, expected numbers or text",
+        ),
         ({"angles": np.zeros((3, 2))}, r"`angles` should be numbers of shape \(n_steps, 1\), but is float64 \(3, 2\)"),
         ({"angles": np.array([["x"]])}, "`angles` should be numbers"),
         ({"angles": np.full((3, 1), np.inf)}, "not a finite number"),
         ({"dt_s": np.array(-1.0)}, "`dt_s` should be a positive number"),
         ({"dt_s": np.array([1.0, 2.0])}, r"`dt_s` should be numbers of shape \(\)"),
         ({"joints": np.array([1.0])}, "`joints` should be a list of names"),
-        ({"metadata": np.array("[1]")}, "should hold a JSON object"),
+        ({"metadata": np.array("[1]")}, r"should be a JSON object, but is \[1\]"),
         ({"metadata": np.array(3)}, "`metadata` should be JSON text"),
-        ({"angles": np.zeros((3_000_000, 1))}, "unpacks to 24000"),
+        ({"angles": np.zeros((3_000_000, 1))}, "bytes unpacked, but this file announces 3 and 24000"),
     ],
 )
 def test_a_fault_in_an_array_is_named(changes, message, tmp_path):
@@ -167,7 +170,7 @@ def test_an_archive_that_lies_about_its_size_is_refused(tmp_path):
         size = archive.getinfo("angles.npy").file_size
     path.write_bytes(content.replace(size.to_bytes(4, "little"), (10).to_bytes(4, "little")))
 
-    with pytest.raises(FileFormatError, match="not a readable NPZ file"):
+    with pytest.raises(FileFormatError, match="no readable NPZ file"):
         exchange.read(path, joints=("RElbowYaw",))
 
 

@@ -1,7 +1,13 @@
-"""One small good file of every kind that is read from users, and how it is read."""
+"""One good file of every kind that a user can hand in, with its loader: what the hostile tests and the fuzzer break.
+
+`READERS` lists every module of the package that reads a file, with the kinds that try it: a new one without an entry
+fails `test_every_reader_is_tried`.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,14 +16,21 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from creative_nao.agents import BundleHeader, PPOSettings, load_agent, save_bundle
-from creative_nao.agents.hyperparameters import read_hyperparameters
-from creative_nao.agents.ppo import build_policy
-from creative_nao.demonstrations import Demonstrations
+from creative_nao import exchange, load_agent
+from creative_nao.agents.bundle import BundleHeader, save_bundle
+from creative_nao.agents.hyperparameters import check_entry, read_hyperparameters, resolve_policy_kwargs
+from creative_nao.agents.ppo import PPOSettings, build_policy
+from creative_nao.agents.training_record import TrainingRecord
+from creative_nao.agents.training_state import TrainingState as AgentState
+from creative_nao.agents.training_watch import _rows
+from creative_nao.cli.explore import choices
+from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.demonstrations.csv_format import load_trajectory, save_trajectory
 from creative_nao.envs import EnvState
 from creative_nao.envs.physical_chart import FIGURES, PhysicalMap
 from creative_nao.evaluation.folder import read_record, write_record
+from creative_nao.evaluation.jobs import Job, read_result, read_spec, write_result, write_spec
+from creative_nao.evaluation.publishing import with_record
 from creative_nao.evaluation.results import read_results, write_results
 from creative_nao.evaluation.suites import read_suite
 from creative_nao.explorer.session import Favourite, Session
@@ -29,16 +42,77 @@ from creative_nao.pb_space import PBMap, pb_grid
 NETWORK = NetworkSettings(layer_sizes=(3,), time_constants=(2.0,), n_softmax_units=2)
 TRAINING = TrainingSettings(n_epochs=1)
 ENV = "CreativeNao/BoxingMental-v0"
+PLAN = {"env": ENV, "seed": 0}
+
+TENSORS = ("memory", "checkpoint", "bundle", "zoo_bundle", "state", "agent_checkpoint")
+ARCHIVES = ("map", "physical", "unfinished", "motion_npz")
+JSONS = ("session", "record", "results", "published", "job", "job_result", "taught", "motion_json", "motion_ros_json")
+TABLES = ("csv", "motion_csv", "episodes", "training_log")
+TEXTS = (*JSONS, *TABLES, "yaml", "toml", "motion_ros", "motion_py", "motion_webots")
+KINDS = (*TENSORS, *ARCHIVES, *TEXTS)
+
+READERS = {
+    "creative_nao/agents/bundle.py": ("bundle", "zoo_bundle"),
+    "creative_nao/agents/hyperparameters.py": ("yaml",),
+    "creative_nao/agents/training_record.py": ("agent_checkpoint",),
+    "creative_nao/agents/training_watch.py": ("training_log",),
+    "creative_nao/cli/explore.py": ("episodes",),
+    "creative_nao/demonstrations/csv_format.py": ("csv",),
+    "creative_nao/demonstrations/files.py": ("taught",),
+    "creative_nao/envs/physical_chart.py": ("physical", "unfinished"),
+    "creative_nao/envs/state.py": ("state",),
+    "creative_nao/evaluation/folder.py": ("record", "published"),
+    "creative_nao/evaluation/jobs.py": ("job", "job_result"),
+    "creative_nao/evaluation/results.py": ("results", "published"),
+    "creative_nao/evaluation/suites/reading.py": ("toml",),
+    "creative_nao/exchange/reading.py": ("motion_csv", "motion_json", "motion_ros", "motion_py", "motion_webots"),
+    "creative_nao/exchange/tables.py": ("motion_npz",),
+    "creative_nao/explorer/session.py": ("session",),
+    "creative_nao/model/checkpoint.py": ("checkpoint",),
+    "creative_nao/model/memory.py": ("memory",),
+    "creative_nao/pb_space/chart.py": ("map",),
+}
+"""Modules that call a reader of `untrusted`, `npz` or `tensorfile`, and the kinds that try them."""
+
+OWN_FILES = {
+    "creative_nao/atomic.py": "the file it has just written",
+    "creative_nao/cli/dispatch.py": "the null device",
+    "creative_nao/cli/doctor.py": "/proc/meminfo",
+    "creative_nao/evaluation/cluster.py": "what its own jobs wrote",
+    "creative_nao/evaluation/gallery.py": "pictures it has just drawn",
+    "creative_nao/evaluation/paper/blocks.py": "pictures it has just drawn",
+    "creative_nao/evaluation/paper/measuring.py": "figures it kept, done again when they do not fit",
+    "creative_nao/evaluation/paper/page.py": "results it has just written",
+    "creative_nao/evaluation/paper/publishing.py": "results it has just written, its style sheet",
+    "creative_nao/evaluation/paper/sensitivity.py": "figures it kept, done again when they do not fit",
+    "creative_nao/evaluation/remote.py": "what its own job wrote",
+    "creative_nao/evaluation/runner.py": "logs of its own jobs",
+    "creative_nao/explorer/page.py": "its style sheet",
+    "creative_nao/explorer/recordings.py": "the recording it has just written",
+    "creative_nao/explorer/static_export.py": "files of the page",
+    "creative_nao/model/shipped.py": "scores that ship",
+    "creative_nao/provenance.py": "any file, for its hash only",
+}
+"""Modules that open a file directly, and why no stranger's content gets in that way."""
 
 
 @dataclass(frozen=True)
 class Victim:
-    """A good file and its loader."""
+    """A good file and its loader.
+
+    Attributes:
+        path: The file.
+        load: Takes a path and returns what the file holds.
+        torn: Whether every shorter beginning of it is broken.
+        lenient: Whether the loader returns None for a broken file, because the work is then done again.
+        use: Called with what was loaded: what a file lets in has to be usable.
+    """
 
     path: Path
     load: Callable[[Path], Any]
     torn: bool = True
-    """Whether every shorter beginning of it is broken."""
+    lenient: bool = False
+    use: Callable[[Any], Any] = lambda loaded: None
 
 
 def taught() -> Demonstrations:
@@ -52,46 +126,75 @@ def make_victims(folder: Path) -> dict[str, Victim]:
     demos = taught()
     memory = train_network(demos, TRAINING, NETWORK, command="test")
     found = {
-        "memory": Victim(memory.save(folder / "memory.safetensors"), Memory.read),
+        "memory": Victim(memory.save(folder / "memory.safetensors"), Memory.read, use=_imagine),
         "checkpoint": _checkpoint(folder / "checkpoint.safetensors", memory),
         "bundle": _bundle(folder / "bundle.safetensors"),
+        "zoo_bundle": _zoo_bundle(folder / "zoo.safetensors"),
         "state": Victim(
             EnvState("Boxing", {"n": 1}, {"x": np.zeros(2)}).save(folder / "state.safetensors"), EnvState.load
         ),
-        "map": Victim(_chart().save(folder / "map.npz"), PBMap.load),
-        "physical": Victim(_physical().save(folder / "physical.npz"), PhysicalMap.load),
+        "agent_checkpoint": _agent_checkpoint(folder / "agent.safetensors"),
+        "map": Victim(_chart().save(folder / "map.npz"), PBMap.load, use=lambda chart: chart.learned_region_pct()),
+        "physical": Victim(_physical(4).save(folder / "physical.npz"), PhysicalMap.load, use=PhysicalMap.summary),
+        "unfinished": Victim(
+            _physical(1).save(folder / "unfinished.npz"), lambda path: PhysicalMap.load(path, unfinished=True)
+        ),
         "csv": Victim(
             save_trajectory(folder / "rise.csv", demos.trajectories[0], 0.1, demos.joints),
             lambda path: load_trajectory(path, joints=demos.joints),
             torn=False,
+            use=_finite,
         ),
+        "taught": _taught(folder / "taught"),
         "yaml": _text(folder / "ppo.yml", YAML, lambda path: read_hyperparameters("ppo", ENV, path)),
         "toml": _text(folder / "mine.toml", TOML, read_suite),
         "session": Victim(_session(folder / "explorer.json"), lambda path: Session(path)._favourites),
+        "episodes": _text(
+            folder / "episodes.csv", EPISODES, lambda path: choices(_in_place(path, "episodes.csv")), use=_finite
+        ),
+        "training_log": _text(folder / "progress.csv", "n_decisions,loss\n64,0.5\n128,0.25\n", _rows),
+        **_run_folder(folder / "run"),
+        **_jobs(folder / "work"),
+        **_motions(folder),
     }
-    record = {"settings": {"suite": {"name": "quick"}, "seed": 0}, "versions": {"numpy": "2"}, "command": "x"}
-    found["record"] = Victim(write_record(folder, record), _in_a_run_folder)
-    results = {"suite": "quick", "rows": [{"agent": "random", "reward": 1.5}], "summary": None}
-    found["results"] = Victim(write_results(folder / "results.json", results), read_results)
+    assert set(found) == set(KINDS)
     return found
 
 
-YAML = f"{ENV}:\n  n_timesteps: !!float 1e4\n  n_envs: 1\n  policy: MlpPolicy\n  n_steps: 64\n  batch_size: 32\n"
-TOML = f'agents = ["random"]\nenvs = ["{ENV}"]\nmemories = ["half/0"]\nn_seeds = 2\nn_actions = 3\n'
+YAML = (
+    f"{ENV}:\n  n_timesteps: !!float 1e4\n  n_envs: 1\n  policy: MlpPolicy\n  n_steps: 64\n  batch_size: 32\n"
+    '  learning_rate: lin_0.001\n  policy_kwargs: "dict(net_arch=[8, 8], activation_fn=nn.ReLU)"\n'
+)
+TOML = (
+    f'agents = ["random"]\nenvs = ["{ENV}"]\nmemories = ["half/0"]\nn_seeds = 2\nn_actions = 3\n[ppo]\nhidden = [8]\n'
+    "[taught]\nseeds = [1]\n"
+)
+EPISODES = "agent,step,pb_1,pb_2,outcome\nrandom,1,0.25,-0.5,learned\nrandom,2,0.5,0.5,unlearned\n"
 
 
-def _text(path: Path, text: str, load: Callable[[Path], Any]) -> Victim:
+def _text(path: Path, text: str, load: Callable[[Path], Any], use: Any = lambda loaded: None) -> Victim:
     path.write_text(text, encoding="utf-8")
-    return Victim(path, load, torn=False)
+    return Victim(path, load, torn=False, use=use)
 
 
-def _in_a_run_folder(path: Path) -> Any:
-    """`read_record` takes the folder; a broken file of any name is put in place first."""
-    target = path.with_name("run.json")
+def _in_place(path: Path, name: str) -> Path:
+    """Put a broken file of any name where its loader looks for it, and return the folder."""
+    target = path.with_name(name)
     if target != path:
         target.unlink(missing_ok=True)
         target.symlink_to(path)
-    return read_record(path.parent)
+    return path.parent
+
+
+def _imagine(memory: Memory) -> None:
+    points = np.array([[-1.0, 1.0], [0.0, 0.0], [1.0, 1.0]])[:, : memory.network.n_pb]
+    if points.shape[1] == memory.network.n_pb and memory.n_steps < 1_000:
+        _finite(memory.generate(points))
+    _finite(memory.pb)
+
+
+def _finite(found: np.ndarray) -> None:
+    assert np.isfinite(found).all()
 
 
 def _checkpoint(path: Path, memory: Memory) -> Victim:
@@ -101,11 +204,32 @@ def _checkpoint(path: Path, memory: Memory) -> Victim:
     return Victim(path, lambda path: load_checkpoint(path, memory.demonstrations, NETWORK, TRAINING))
 
 
+def _act(agent: Any) -> None:
+    box = agent.header.observation_space
+    assert agent.header.action_space.contains(np.clip(agent.predict(box.low)[0], -1.0, 1.0))
+
+
 def _bundle(path: Path) -> Victim:
     box = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
     settings = PPOSettings(n_timesteps=64, n_envs=1, n_steps=64, batch_size=32, hidden=(2,))
     header = BundleHeader("ppo", settings, ENV, "half/0", 0, 64, box, box)
-    return Victim(save_bundle(path, header, build_policy(box, box, settings)), load_agent)
+    return Victim(save_bundle(path, header, build_policy(box, box, settings)), load_agent, use=_act)
+
+
+def _zoo_bundle(path: Path) -> Victim:
+    from stable_baselines3.sac.policies import SACPolicy
+
+    box = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
+    settings = check_entry("sac", {"n_timesteps": 64, "policy_kwargs": {"net_arch": [3]}}, "settings")
+    header = BundleHeader("sac", settings, ENV, "half/0", 0, 64, box, box)
+    policy = SACPolicy(box, box, lambda _: 0.0, **resolve_policy_kwargs(settings.policy_kwargs))
+    return Victim(save_bundle(path, header, policy), load_agent, use=_act)
+
+
+def _agent_checkpoint(path: Path) -> Victim:
+    record = TrainingRecord([10, 20], [1.0, 2.0], [0, 20], [(0.5, 1.5), (1.0, 2.0)], {"w": np.zeros(2, np.float32)})
+    record.save(path, PLAN, AgentState({"num_timesteps": 20}, {"last_obs": np.zeros((1, 2), np.float32)}))
+    return Victim(path, lambda path: TrainingRecord.load(path, PLAN), use=lambda loaded: loaded[0].best_mean)
 
 
 def _chart() -> PBMap:
@@ -113,16 +237,104 @@ def _chart() -> PBMap:
     return PBMap(2, pb_grid(2), np.array(["learned"] * 4), np.zeros(4, int), np.ones(4), learned, ("rise",), {})
 
 
-def _physical() -> PhysicalMap:
+def _physical(n_done: int) -> PhysicalMap:
     words = np.array(["learned"] * 4)
     figures = {name: np.zeros(4, dtype=np.float32) for name in FIGURES}
     return PhysicalMap(
         resolution=2, pb=pb_grid(2), outcome=words, mental=words, fault=np.array([""] * 4), nearest=np.zeros(4, int),
         distance=np.ones(4, dtype=np.float32), figures=figures, learned_pb=np.array([[0.5, 0.5]]), names=("rise",),
-        record={}, n_done=4, wall_s=1.0, cpu_s=1.0,
+        record={}, n_done=n_done, wall_s=1.0, cpu_s=1.0,
     )  # fmt: skip
 
 
 def _session(path: Path) -> Path:
     Session(path).add(Favourite("abc", ((0.1, 0.2),), "a note"))
     return path
+
+
+def _taught(folder: Path) -> Victim:
+    save_trajectory(folder / "rise.csv", taught().trajectories[0], 0.15, ("RElbowYaw",))
+    path = folder / "record.json"
+    path.write_text(json.dumps({"command": "teach", "seed": 1}), encoding="utf-8")
+
+    def load(path: Path) -> Demonstrations:
+        beside = path.with_name("rise.csv")
+        if not beside.exists():
+            beside.write_bytes((folder / "rise.csv").read_bytes())
+        return load_demonstrations(_in_place(path, "record.json"), joints=("RElbowYaw",))
+
+    return Victim(path, load)
+
+
+def _run_folder(folder: Path) -> dict[str, Victim]:
+    settings = {"suite": {"name": "quick", "n_actions": 3}, "seed": 0}
+    record = {"settings": settings, "versions": {"numpy": "2", "creative-nao": "0.1.0"}, "command": "x", "seconds": 1.0}
+    interval = {"mean": 1.5, "low": 1.0, "high": 2.0}
+    row = {
+        "agent": "random", "env": ENV, "memory": "half/0", "n_seeds": 1, "n_actions": 3, "reward": interval,
+        "novelty": None, "reward_per_seed": {"0": 1.5},
+    }  # fmt: skip
+    versus = {"probability_of_improvement": interval, "n_memories_ahead": 1}
+    entry = {
+        "agent": "random", "env": ENV, "n_memories": 1, "n_seeds": 1, "n_actions_training": 0, "reward_iqm": interval,
+        "reward": interval, "oracle_share": None, "versus": versus,
+    }  # fmt: skip
+    results = {"suite": "quick", "rows": [row], "summary": [entry], "baseline": None}
+    run = write_record(folder, record)
+    path = write_results(folder / "results.json", results)
+
+    def published(path: Path) -> Any:
+        beside = path.with_name("run.json")
+        if not beside.exists():
+            beside.write_bytes(run.read_bytes())
+        return with_record(_in_place(path, "results.json"))
+
+    return {
+        "record": Victim(run, lambda path: read_record(_in_place(path, "run.json"))),
+        "results": Victim(path, read_results),
+        "published": Victim(path, published, use=_ranked),
+    }
+
+
+def _ranked(results: dict[str, Any]) -> None:
+    from creative_nao.evaluation.leaderboard import leaderboard
+
+    leaderboard({"results.json": results})
+
+
+def _jobs(folder: Path) -> dict[str, Victim]:
+    job = Job("play-1", "play", "judge random", {"seeds": [0]}, ("train-1",), ("a.safetensors",), ("b.npz",), 2.0)
+    spec = write_spec(job, folder)
+    write_result(job, folder, {"episodes": []})
+
+    def result(path: Path) -> Any:
+        place = path.parent / "held" / "jobs"
+        place.mkdir(parents=True, exist_ok=True)
+        target = place / "play-1.result.json"
+        target.unlink(missing_ok=True)
+        target.symlink_to(path)
+        return read_result(job, place.parent)
+
+    return {
+        "job": Victim(spec, read_spec, use=dataclasses.asdict),
+        "job_result": Victim(job.result_path(folder), result, lenient=True),
+    }
+
+
+def _motions(folder: Path) -> dict[str, Victim]:
+    angles = np.array([[0.1], [0.25], [0.3]])
+    motion = exchange.Motion(angles, 0.15, ("RElbowYaw",), {"source": "test"})
+    names = {
+        "motion_csv": ("move.csv", "csv"), "motion_npz": ("move.npz", "npz"), "motion_py": ("move.py", "naoqi"),
+        "motion_json": ("move.json", "json"), "motion_ros": ("move.yaml", "ros"),
+        "motion_ros_json": ("ros.json", "ros"), "motion_webots": ("move.motion", "webots"),
+    }  # fmt: skip
+    return {
+        kind: Victim(
+            exchange.write(folder / name, motion, chosen).path,
+            lambda path, chosen=chosen: exchange.read(path, joints=("RElbowYaw",), format=chosen),
+            torn=kind in ("motion_json", "motion_ros_json", "motion_npz"),
+            use=lambda recording: _finite(recording.motion.angles),
+        )
+        for kind, (name, chosen) in names.items()
+    }

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from creative_nao import atomic
+from creative_nao.errors import CreativeNaoError
 from creative_nao.evaluation.paper.bank import Entry
 from creative_nao.evaluation.paper.combinations import combination_figures
 from creative_nao.evaluation.paper.learning import epochs_to_level, unsteadiness
@@ -19,6 +20,7 @@ from creative_nao.measures import Criteria, table
 from creative_nao.measures.score import Scores
 from creative_nao.model import Memory, reproduction
 from creative_nao.pb_space import PBMap, pb_map
+from creative_nao.untrusted import as_json, read_text
 
 FORMAT = 1
 """Raised when the meaning of a figure changes, so that a run folder of another release is not continued."""
@@ -67,10 +69,10 @@ def measure_entry(entry: Entry, folder: Path, settings: PaperSettings) -> dict[s
     path, chart = result_path(folder, entry), chart_path(folder, entry)
     job = {"format": FORMAT, "memory": entry.sha256, "seed": settings.seed, "resolution": settings.resolution}
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = as_json(read_text(path, "figures of a network"), str(path))
+    except CreativeNaoError:
         found = None
-    if isinstance(found, dict) and found.get("job") == job and chart.is_file():
+    if isinstance(found, dict) and found.get("job") == job and "figures" in found and chart.is_file():
         return found["figures"]
     figures, charted = measure(entry.load(), entry.name, settings)
     figures = {"name": entry.name, "condition": entry.condition, "seed": entry.seed, **figures}

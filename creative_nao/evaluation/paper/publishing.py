@@ -11,6 +11,7 @@ from creative_nao.errors import SettingsError
 from creative_nao.evaluation.folder import read_record
 from creative_nao.evaluation.paper.blocks import to_html, to_markdown
 from creative_nao.evaluation.paper.page import FILES, make_page, read_content
+from creative_nao.evaluation.result_checks import naming
 
 RESULTS_AT = "results/paper"
 """Where the documentation keeps the result files, seen from the page."""
@@ -20,7 +21,8 @@ PAGE = "reproduction.md"
 
 def write_page(folder: Path) -> Path:
     """Write `reproduction.md` and `report.html` of a run folder from its result files and pictures."""
-    blocks = make_page(read_content(folder), results_at="")
+    with naming(f"results in {folder}"):
+        blocks = make_page(read_content(folder), results_at="")
     style = (Path(__file__).parent / "report.css").read_text(encoding="utf-8")
     atomic.write_text(
         folder / "report.html", to_html(blocks, style=style, image=lambda name: folder / "images" / f"{name}.png")
@@ -58,5 +60,6 @@ def publish(folder: Path, docs: Path) -> list[Path]:
     (docs / "images").mkdir(exist_ok=True)
     for picture in sorted((folder / "images").glob("paper_*.png")):
         written.append(Path(shutil.copyfile(picture, docs / "images" / picture.name)))
-    blocks = make_page(read_content(results), results_at=RESULTS_AT)
+    with naming(f"results in {results}"):
+        blocks = make_page(read_content(results), results_at=RESULTS_AT)
     return [*written, atomic.write_text(docs / PAGE, to_markdown(blocks))]

@@ -13,7 +13,7 @@ from typing import Any
 
 from creative_nao import atomic
 from creative_nao.errors import NotFoundError, SettingsError
-from creative_nao.evaluation.folder import RECORD, hashes, read_record, write_record
+from creative_nao.evaluation.folder import RECORD, hashes, read_record, refuse_links, write_record
 from creative_nao.evaluation.paper.bank import Entry, Report, label, shipped_bank, train_bank, wanted_networks
 from creative_nao.evaluation.paper.claims import judge
 from creative_nao.evaluation.paper.measuring import measure_entry
@@ -145,6 +145,7 @@ def _open(folder: Path, settings: PaperSettings, *, resume: bool, command: str |
     if not (folder / RECORD).is_file():
         raise NotFoundError(f"nothing to resume in {folder}: it has no {RECORD}; leave out --resume to start there")
     found = read_record(folder)
+    refuse_links(folder)
     for key, wanted in fresh["settings"].items():
         had = found["settings"].get(key)
         if had != wanted:

@@ -17,6 +17,7 @@ from typing import Any
 
 from creative_nao import atomic
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
+from creative_nao.errors import CreativeNaoError
 from creative_nao.evaluation.paper.bank import Entry, Report, label
 from creative_nao.evaluation.paper.claims import CLAIMS, Order, compare
 from creative_nao.evaluation.paper.reference import CONDITION_NAMES
@@ -26,6 +27,7 @@ from creative_nao.evaluation.paper.threads import in_threads
 from creative_nao.evaluation.paper.variants import SCORINGS, TRAININGS, Scoring, Training
 from creative_nao.model import CONDITIONS, Memory, NetworkSettings, TrainingSettings, reproduction, train_many
 from creative_nao.pb_space import pb_grid
+from creative_nao.untrusted import as_json, read_text
 
 FORMAT = 1
 CLAIM_KEYS = ("half-novel", "half-diverse", "closed-appropriate", "closed-like-training")
@@ -207,10 +209,10 @@ def _kept(path: Path, job: dict[str, Any], work: Any) -> Any:
     """Return what an earlier run kept for the same job, or do the work and keep it."""
     described = json.loads(json.dumps({"format": FORMAT, **job}))
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = as_json(read_text(path, "figures of a study"), str(path))
         if found["job"] == described:
             return found["figures"]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (CreativeNaoError, KeyError, TypeError):
         pass
     figures = work()
     atomic.write_text(path, json.dumps({"job": described, "figures": figures}, allow_nan=False) + "\n")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from creative_nao.errors import NotFoundError, nearest_name
 from creative_nao.evaluation.suites.model import Suite, Taught
-from creative_nao.evaluation.suites.reading import SUFFIX, read_suite, suite_from_values
+from creative_nao.evaluation.suites.reading import SUFFIX, read_suite, refuse_modules, suite_from_values
 
 SUITE_NAMES: tuple[str, ...] = tuple(
     sorted((path.stem for path in Path(__file__).parent.glob(f"*{SUFFIX}")), key=lambda name: (name != "quick", name))
@@ -18,8 +18,12 @@ SUITE_NAMES: tuple[str, ...] = tuple(
 """Names of the shipped suites, `quick` first."""
 
 
-def find_suite(name: str) -> Suite:
+def find_suite(name: str, *, trusted: bool = False) -> Suite:
     """Return the shipped suite called `name`, or the one in the TOML file at `name`.
+
+    Args:
+        name: Name or file.
+        trusted: Whether modules that a file names are imported.
 
     Raises:
         NotFoundError: If there is none; the message offers the nearest name.
@@ -29,7 +33,7 @@ def find_suite(name: str) -> Suite:
     if name in SUITE_NAMES:
         return read_suite(Path(__file__).parent / f"{name}{SUFFIX}")
     if name.endswith(SUFFIX):
-        return read_suite(Path(name))
+        return read_suite(Path(name), trusted=trusted)
     raise NotFoundError(
         f"no suite `{name}`{nearest_name(name, SUITE_NAMES)}; there are: {', '.join(SUITE_NAMES)}, "
         f"or a file of your own ending in {SUFFIX}"
@@ -48,6 +52,7 @@ __all__ = [
     "Taught",
     "find_suite",
     "read_suite",
+    "refuse_modules",
     "shipped_suites",
     "suite_from_values",
 ]

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from creative_nao.agents.ppo import PPOSettings
 from creative_nao.errors import SettingsError
+from creative_nao.fields import is_plain_name, shown
 
-COUNTS = ("n_seeds", "n_actions", "resolution", "seeds_per_job", "memories_per_job")
+COUNTS = {
+    "n_seeds": 10_000,
+    "n_actions": 10_000,
+    "resolution": 4_000,
+    "seeds_per_job": 10_000,
+    "memories_per_job": 1_000,
+}
+"""Largest value of each count."""
+MAX_EPISODES = 1_000_000
+"""Of a suite: about a year of a core."""
+MAX_EPOCHS = 10_000_000
 LISTS = ("agents", "envs", "memories")
 
 
@@ -39,6 +51,9 @@ class Taught:
             raise SettingsError(
                 f"`taught.closed_loop_ratio` should be between 0 and 1, but is {self.closed_loop_ratio}"
             )
+        if self.n_epochs > MAX_EPOCHS or max(*self.seeds, self.teaching_seed) >= 2**63:
+            field, most = ("n_epochs", MAX_EPOCHS) if self.n_epochs > MAX_EPOCHS else ("seeds", 2**63 - 1)
+            raise SettingsError(f"`taught.{field}` should be at most {most}, but is {shown(getattr(self, field))}")
         if self.n_epochs < 1 or self.teaching_seed < 0:
             field, least = ("n_epochs", 1) if self.n_epochs < 1 else ("teaching_seed", 0)
             raise SettingsError(f"`taught.{field}` should be at least {least}, but is {getattr(self, field)}")
@@ -88,17 +103,27 @@ class Suite:
     """Memories to be trained in the run folder first."""
 
     def __post_init__(self) -> None:
-        for field in COUNTS:
-            if getattr(self, field) < 1:
-                raise SettingsError(
-                    f"suite `{self.name}`: `{field}` should be at least 1, but is {getattr(self, field)}"
-                )
+        if not is_plain_name(self.name):
+            raise SettingsError(f"suite {shown(self.name)}: `name` should be a plain name, as of a file")
+        for field, most in COUNTS.items():
+            count = getattr(self, field)
+            if count < 1:
+                raise SettingsError(f"suite `{self.name}`: `{field}` should be at least 1, but is {count}")
+            if count > most:
+                raise SettingsError(f"suite `{self.name}`: `{field}` should be at most {most}, but is {shown(count)}")
         for field in LISTS:
             values = getattr(self, field)
             if not values:
                 raise SettingsError(f"suite `{self.name}`: `{field}` should name at least one, but is empty")
             if twice := sorted({value for value in values if values.count(value) > 1}):
                 raise SettingsError(f"suite `{self.name}`: `{field}` should name each once, but has `{twice[0]}` twice")
+
+        n_episodes = self.n_seeds * math.prod(len(getattr(self, field)) for field in LISTS)
+        if n_episodes > MAX_EPISODES:
+            raise SettingsError(
+                f"suite `{self.name}`: its agents, envs, memories and seeds should make at most {MAX_EPISODES} "
+                f"episodes, but make {n_episodes}"
+            )
 
     def taught_seed(self, memory: str) -> int | None:
         """Return the seed of a memory that is trained in the run folder, or None for any other memory."""

@@ -1,0 +1,170 @@
+"""Arrays out of NPZ files that anybody may have made: counted before they are unpacked, never unpickled."""
+
+from __future__ import annotations
+
+import ast
+import io
+import lzma
+import math
+import struct
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from creative_nao.errors import FileFormatError
+from creative_nao.fields import Fields
+from creative_nao.untrusted import as_json, read_bytes
+
+MAX_UNPACKED_BYTES = 256_000_000
+"""Most bytes that the arrays of one NPZ file may unpack to."""
+MAX_MEMBERS = 256
+_MAX_ARRAY_HEADER = 10_000
+_BROKEN_ZIP = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, OSError, ValueError, KeyError, IndexError,
+    TypeError, NotImplementedError, RuntimeError, OverflowError, MemoryError,
+)  # fmt: skip
+
+
+def read_npz(path: Path, what: str, largest: int = MAX_UNPACKED_BYTES) -> dict[str, np.ndarray]:
+    """Return the arrays of an NPZ file.
+
+    The table of contents is read first; what would unpack to more than `largest` bytes is refused before anything is
+    unpacked, and an array is only made when its member holds as many bytes as its shape asks for.
+
+    Raises:
+        NotFoundError: If there is no such file.
+        FileFormatError: If it is torn, foreign, too large, or holds objects (a pickle); the message names the array.
+    """
+    return unpack_npz(path, what, read_bytes(path, what, largest), largest)
+
+
+def unpack_npz(path: Path, what: str, content: bytes, largest: int = MAX_UNPACKED_BYTES) -> dict[str, np.ndarray]:
+    """Return the arrays of an NPZ file whose bytes are `content`; see `read_npz`."""
+    where = f"{path}: not a {what}, or a torn one"
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            members = archive.infolist()
+            unpacked = sum(member.file_size for member in members)
+            if len(members) > MAX_MEMBERS or unpacked > largest:
+                raise FileFormatError(
+                    f"{path}: a {what} has at most {MAX_MEMBERS} arrays and {largest} bytes unpacked, but this file "
+                    f"announces {len(members)} and {unpacked}"
+                )
+            names = [_array_name(where, member.filename) for member in members]
+            if twice := sorted({name for name in names if names.count(name) > 1}):
+                raise FileFormatError(f"{where}: the array `{twice[0][:60]}` is in it twice")
+            return {name: _array(where, archive, member) for name, member in zip(names, members, strict=True)}
+    except FileFormatError:
+        raise
+    except _BROKEN_ZIP as error:
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise FileFormatError(f"{where}: no readable NPZ file: {reason}") from error
+
+
+def _array_name(where: str, member: str) -> str:
+    """Return the array's name; nothing is ever unpacked to disk, but a name that is a path tells a foreign file."""
+    name = member.removesuffix(".npy")
+    if name == member or not name or any(mark in name for mark in ("/", "\\", "\0", "..", ":")):
+        raise FileFormatError(f"{where}: the archive holds {member[:60]!r}, expected arrays as plain names with `.npy`")
+    return name
+
+
+def _array(file: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
+    where = f"{file}: the array `{_array_name(file, member.filename)[:60]}`"
+    with archive.open(member) as stream:
+        content = stream.read(member.file_size)  # `read()` would unpack all there is, whatever the contents announce
+    width = {1: 2, 2: 4, 3: 4}.get(content[6] if len(content) > 6 else 0)
+    if not content.startswith(b"\x93NUMPY") or width is None:
+        raise FileFormatError(f"{where} is not in NumPy's format")
+    start = 8 + width
+    length = int.from_bytes(content[8:start], "little")
+    if length > _MAX_ARRAY_HEADER:
+        raise FileFormatError(f"{where} announces a header of {length} bytes, expected at most {_MAX_ARRAY_HEADER}")
+    try:
+        header = ast.literal_eval(content[start : start + length].decode("utf-8").strip())
+        dtype, order, shape = np.dtype(str(header["descr"])), header["fortran_order"], header["shape"]
+        sound = isinstance(shape, tuple) and all(type(n) is int and n >= 0 for n in shape)
+    except (SyntaxError, ValueError, TypeError, KeyError, RecursionError, MemoryError) as error:
+        raise FileFormatError(f"{where} has a broken header") from error
+    if dtype.kind not in "biufU":
+        raise FileFormatError(f"{where} holds {dtype}, expected numbers or text; objects are never unpickled")
+    data = content[start + length :]
+    if not sound or len(data) != math.prod(shape) * dtype.itemsize:
+        raise FileFormatError(f"{where} has {len(data)} bytes, which do not fit {dtype} of shape {str(shape)[:60]}")
+    if not dtype.itemsize:
+        raise FileFormatError(f"{where} holds texts of no length")
+    flat = np.frombuffer(data, dtype=dtype).astype(dtype.newbyteorder("="))
+    return flat.reshape(shape, order="F" if order else "C")
+
+
+def take_array(
+    path: Path,
+    arrays: dict[str, np.ndarray],
+    name: str,
+    shape: tuple[int, ...],
+    *,
+    kinds: str,
+    least: float = -math.inf,
+    most: float = math.inf,
+) -> np.ndarray:
+    """Return one of the arrays of `read_npz` after checking it.
+
+    Args:
+        path: The file, for messages.
+        arrays: All of its arrays.
+        name: Which one.
+        shape: Its shape.
+        kinds: NumPy's letters for the kinds of values it may hold: ``iu`` whole numbers, ``f`` floating ones.
+        least: Smallest value it may hold; NaN and infinities are refused in any case.
+        most: Largest value.
+
+    Raises:
+        FileFormatError: If it is missing or does not fit; the message names the file and the array.
+    """
+    if name not in arrays:
+        raise FileFormatError(f"{path}: `{name}` is missing; the file has {', '.join(arrays)[:200]}")
+    found = arrays[name]
+    if found.shape != shape:
+        raise FileFormatError(f"{path}: `{name}` should have shape {shape}, but has {found.shape}")
+    if found.dtype.kind not in kinds:
+        wanted = "floating numbers" if kinds == "f" else "whole numbers"
+        raise FileFormatError(f"{path}: `{name}` should hold {wanted}, but holds {found.dtype}")
+    if found.dtype.kind == "f" and not np.isfinite(found).all():
+        raise FileFormatError(f"{path}: `{name}` should hold finite numbers, but does not")
+    if found.size and not (least <= found.min() and found.max() <= most):
+        raise FileFormatError(
+            f"{path}: `{name}` should hold numbers from {least:g} to {most:g}, but reaches from {found.min()} to "
+            f"{found.max()}"
+        )
+    return found
+
+
+def take_header(path: Path, arrays: dict[str, np.ndarray], what: str) -> Fields:
+    """Return the JSON object that stands as bytes in the array `header`.
+
+    Raises:
+        FileFormatError: If it is missing, no bytes, or no JSON object.
+    """
+    found = arrays.get("header")
+    if found is None or found.dtype != np.uint8 or found.ndim != 1:
+        raise FileFormatError(f"{path}: not a {what}, or a torn one: the array `header` is missing or holds no bytes")
+    try:
+        text = found.tobytes().decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path}: byte {error.start} of its `header` is not UTF-8 text") from None
+    return Fields(as_json(text, f"{path}: `header`"), f"{path}: `header`")
+
+
+def take_record(header: Fields) -> dict[str, Any]:
+    """Return what a file says of its making; its `settings`, if there are any, are an object.
+
+    Raises:
+        FileFormatError: If it is no object.
+    """
+    record = header.object("record")
+    if "settings" in record:
+        record.object("settings")
+    return record.values
