@@ -3,10 +3,10 @@
     python benchmarks/fuzz_loaders.py --minutes 20 --seed 0
 
 Seeds are the good files of `tests/hostile/victims.py` and the corpus in `tests/hostile/corpus`;
-`tests/hostile/mutations.py` breaks them. An input that is refused for a reason not heard before joins the seeds: words take the place of measured
-coverage. What is a finding: any error other than a `CreativeNaoError`, one that does not name the file, a warning, a
-result that cannot be used, more than 5 s, more than 200 MB. Each kind of finding is written once into the corpus, where
-`tests/hostile/test_corpus.py` tries it again for ever.
+`tests/hostile/mutations.py` breaks them. An input that is refused for a reason not heard before joins the seeds, and
+so does now and then one that is read: words take the place of measured coverage. A finding is any error other than a
+`CreativeNaoError`, one that does not name the file, a warning, a result that cannot be used, more than 5 s, more than
+200 MB. Each kind of finding is written once into the corpus, where `tests/hostile/test_corpus.py` tries it for ever.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Campaign:
         told = time.monotonic()
         while time.monotonic() - self.started < seconds:
             kind = kinds[int(self.rng.integers(len(kinds)))]
-            seeds = self.seeds[kind]
+            seeds = self.seeds[kind] if self.rng.random() < 0.5 else self.seeds[kind][:1]
             others = self.seeds[kinds[int(self.rng.integers(len(kinds)))]]
             self.try_one(kind, mutate(seeds[int(self.rng.integers(len(seeds)))], others, self.rng))
             if time.monotonic() - told > 60.0:
@@ -110,6 +110,8 @@ class Campaign:
                 victim.use(loaded)
             elif not victim.lenient:
                 self._found(kind, content, ("gives nothing",))
+            if self.rng.random() < 0.05:
+                self._keep(kind, content)
         except CreativeNaoError as error:
             what = "refused"
             self._listen(kind, content, str(error))
@@ -129,8 +131,11 @@ class Campaign:
         reason = (kind, _bare(message))
         if reason not in self.heard:
             self.heard.add(reason)
-            if len(self.seeds[kind]) < MOST_SEEDS and len(content) < 20_000:
-                self.seeds[kind].append(content)
+            self._keep(kind, content)
+
+    def _keep(self, kind: str, content: bytes) -> None:
+        if len(self.seeds[kind]) < MOST_SEEDS and len(content) < 20_000:
+            self.seeds[kind].append(content)
 
     def _found(self, kind: str, content: bytes, signature: tuple[str, ...]) -> None:
         if (kind, *signature) in self.findings:
@@ -158,7 +163,7 @@ class Campaign:
 
 def _bare(message: str) -> str:
     """Return a message without what differs from file to file."""
-    return re.sub(r"`[^`]*`|'[^']*'|\"[^\"]*\"|[-+\d.e]+", "#", message.split("fuzzed-", 1)[-1])[:120]
+    return re.sub(r"`[^`]*`|'[^']*'|\"[^\"]*\"|[-+]?\d[-+.\de]*", "#", message.split("fuzzed-", 1)[-1])[:120]
 
 
 def _signature(error: BaseException) -> tuple[str, ...]:

@@ -89,7 +89,7 @@ def _array(file: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.n
         sound = isinstance(shape, tuple) and all(type(n) is int and n >= 0 for n in shape)
     except (SyntaxError, ValueError, TypeError, KeyError, RecursionError, MemoryError) as error:
         raise FileFormatError(f"{where} has a broken header") from error
-    if dtype.kind not in "biufU":
+    if dtype.kind not in "biufU" or (dtype.kind == "f" and dtype.itemsize > 8):
         raise FileFormatError(f"{where} holds {dtype}, expected numbers or text; objects are never unpickled")
     data = content[start + length :]
     if not sound or len(data) != math.prod(shape) * dtype.itemsize:
@@ -97,7 +97,15 @@ def _array(file: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.n
     if not dtype.itemsize:
         raise FileFormatError(f"{where} holds texts of no length")
     flat = np.frombuffer(data, dtype=dtype).astype(dtype.newbyteorder("="))
+    if dtype.kind == "U" and not _is_text(flat):
+        raise FileFormatError(f"{where} holds numbers that stand for no character")
     return flat.reshape(shape, order="F" if order else "C")
+
+
+def _is_text(flat: np.ndarray) -> bool:
+    """Return whether every code is a character: Python falls over others, and halves of pairs cannot be written."""
+    codes = flat.view(np.uint32)
+    return not ((codes > 0x10FFFF) | ((codes >= 0xD800) & (codes < 0xE000))).any()
 
 
 def take_array(
@@ -134,7 +142,7 @@ def take_array(
         raise FileFormatError(f"{path}: `{name}` should hold {wanted}, but holds {found.dtype}")
     if found.dtype.kind == "f" and not np.isfinite(found).all():
         raise FileFormatError(f"{path}: `{name}` should hold finite numbers, but does not")
-    if found.size and not (least <= found.min() and found.max() <= most):
+    if found.size and not (least <= float(found.min()) and float(found.max()) <= most):
         raise FileFormatError(
             f"{path}: `{name}` should hold numbers from {least:g} to {most:g}, but reaches from {found.min()} to "
             f"{found.max()}"

@@ -33,6 +33,8 @@ KIND = "agent bundle"
 FORMAT_VERSION = 1
 MAX_VALUES = 10_000
 """Of an observation or an action."""
+MAX_WEIGHT, MAX_LOG_STD = 1e6, 20.0
+"""Largest weight, and logarithm of a standard deviation: exp(20) still is a number of float32, its square too."""
 MAX_BOUND = 1e30
 """Largest bound of a space; float32 ends at 3e38."""
 
@@ -144,6 +146,9 @@ def load_bundle(path: str | Path) -> TrainedPolicy:
             )
         if not bool(found.isfinite().all()):
             raise FileFormatError(f"agent bundle {path}: weights `{name}` hold values that are not finite")
+        most = MAX_LOG_STD if name.endswith("log_std") else MAX_WEIGHT
+        if found.is_floating_point() and found.numel() and float(found.abs().max()) > most:
+            raise FileFormatError(f"agent bundle {path}: weights `{name}` should be at most {most:g}, but are not")
     if extra := sorted(set(weights) - set(expected_weights)):
         raise FileFormatError(f"agent bundle {path}: weights `{extra[0]}` belong to no part of the policy")
     policy.load_state_dict(weights, strict=not acting)  # critics are of no use for acting, and not in the file

@@ -13,7 +13,7 @@ import numpy as np
 from creative_nao import atomic
 from creative_nao.agents.training_state import TrainingState
 from creative_nao.errors import FileFormatError, SettingsError
-from creative_nao.fields import Fields
+from creative_nao.fields import Fields, only_arrays
 from creative_nao.tensorfile import load_tensors, save_tensors
 
 KIND = "agent checkpoint"
@@ -86,7 +86,9 @@ class TrainingRecord:
         columns = [_column(path, arrays, name, dtype, n_axes) for name, (dtype, n_axes) in _COLUMNS.items()]
         ends, rewards, judged_at, judged = columns
         if len(ends) != len(rewards) or len(judged_at) != len(judged):
-            raise FileFormatError(f"{path}: part `record` of the checkpoint has columns of different lengths")
+            lengths = ", ".join(f"`{name}` {len(column)}" for name, column in zip(_COLUMNS, columns, strict=True))
+            raise FileFormatError(f"{path}: parts of the checkpoint have different lengths: {lengths}")
+        only_arrays(path, arrays, [*_COLUMNS, *(name for name in arrays if name.startswith(("state.", "best.")))])
         rows = [tuple(row) for row in judged.tolist()] if judged.ndim == 2 else []
         record = cls(ends.tolist(), rewards.tolist(), judged_at.tolist(), rows, _under("best.", arrays))
         return record, TrainingState(header.object("state").values, _under("state.", arrays))

@@ -12,7 +12,7 @@ from creative_nao.demonstrations.csv_format import TIME_COLUMN, column_names, lo
 from creative_nao.demonstrations.dataset import Demonstrations
 from creative_nao.demonstrations.keyframes import ACTIONS, DT_S
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
-from creative_nao.fields import is_plain_name, shown
+from creative_nao.fields import Fields, is_plain_name, shown
 from creative_nao.joints import JOINTS
 from creative_nao.untrusted import as_json, read_text
 
@@ -97,4 +97,4 @@ def save_demonstrations(folder: str | os.PathLike[str], demos: Demonstrations) -
 def _read_record(path: Path) -> dict[str, Any] | None:
     if not path.is_file():
         return None
-    return as_json(read_text(path, "record of demonstrations"), str(path))
+    return Fields(as_json(read_text(path, "record of demonstrations"), str(path)), str(path)).values

@@ -51,7 +51,7 @@ def read_motion(path: Path, content: bytes) -> Keys:
     Raises:
         FileFormatError: If it is not such a file; the message names the line.
     """
-    lines = [line.strip() for line in reading.as_text(path, content).splitlines()]
+    lines = [line.strip() for line in reading.as_text(path, content).splitlines()] or [""]
     header = [cell.strip() for cell in lines[0].split(",")]
     if header[0] != MARK or len(header) < 3:
         raise FileFormatError(f"{path}: line 1 should be {MARK},{_VERSION},JOINT,..., but is {lines[0][:80]}.")

@@ -38,7 +38,7 @@ def mutate(content: bytes, others: list[bytes], rng: np.random.Generator) -> byt
         others: Other files, of which pieces may be taken.
         rng: Decides everything.
     """
-    for _ in range(1 + int(rng.geometric(0.5))):
+    for _ in range(int(rng.geometric(0.6))):
         change = _inner(content) if rng.random() < 0.75 else None
         try:
             with warnings.catch_warnings():

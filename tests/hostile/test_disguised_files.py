@@ -9,14 +9,12 @@ import zipfile
 
 import numpy as np
 import pytest
+from victims import ARCHIVES, JSONS, KINDS, TENSORS, TEXTS
 
 from creative_nao.errors import FileFormatError, NotFoundError
 
-TENSORS = ("memory", "checkpoint", "bundle", "state")
-MAPS = ("map", "physical")
-MEMBERS = ["../header.npy", "/etc/header.npy", "a\\..\\header.npy", "C:header.npy", "header", ""]
-TEXTS = ("csv", "yaml", "toml", "session", "record", "results")
-ALL = (*TENSORS, *MAPS, *TEXTS)
+MEMBERS = ["../header.npy", "/tmp/header.npy", "a\\..\\header.npy", "C:header.npy", "header", ""]
+FIRST_ARRAY = {"map": "distance", "physical": "distance", "unfinished": "distance", "motion_npz": "angles"}
 
 
 class Bomb:
@@ -30,9 +28,12 @@ class Bomb:
 
 
 def refuse(victim, path, match=None, error=FileFormatError):
+    if victim.lenient:
+        assert victim.load(path) is None
+        return
     with pytest.raises(error, match=match) as caught:
         victim.load(path)
-    assert path.name in str(caught.value) or "run.json" in str(caught.value)
+    assert path.name in str(caught.value) or str(path.parent) in str(caught.value)
     assert len(str(caught.value)) < 1_000
 
 
@@ -42,7 +43,7 @@ def beside(victim, tmp_path, content=b""):
     return path
 
 
-@pytest.mark.parametrize("kind", ALL)
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_pickle_in_disguise_is_not_run(kind, victims, tmp_path):
     trace = tmp_path / "ran"
     path = beside(victims[kind], tmp_path, pickle.dumps(Bomb(trace)))
@@ -53,13 +54,13 @@ def test_a_pickle_in_disguise_is_not_run(kind, victims, tmp_path):
     assert trace.exists(), "the bomb is live"
 
 
-@pytest.mark.parametrize("kind", MAPS)
+@pytest.mark.parametrize("kind", ARCHIVES)
 def test_a_pickle_inside_an_archive_is_not_run(kind, victims, tmp_path):
     trace = tmp_path / "ran"
     content = io.BytesIO()
     with np.load(victims[kind].path) as good:
-        np.savez(content, **{**good, "distance": np.array([Bomb(trace)] * 4, dtype=object)})
-    refuse(victims[kind], beside(victims[kind], tmp_path, content.getvalue()), "`distance` holds object")
+        np.savez(content, **{**good, FIRST_ARRAY[kind]: np.array([Bomb(trace)] * 4, dtype=object)})
+    refuse(victims[kind], beside(victims[kind], tmp_path, content.getvalue()), f"`{FIRST_ARRAY[kind]}` holds object")
     assert not trace.exists()
 
 
@@ -78,7 +79,7 @@ def test_yaml_aliases_that_multiply_are_refused(first, more, victims, tmp_path):
     refuse(victims["yaml"], beside(victims["yaml"], tmp_path, "\n".join(lines).encode()), "unfold to more than 20000")
 
 
-@pytest.mark.parametrize("kind", ALL)
+@pytest.mark.parametrize("kind", KINDS)
 def test_ten_gigabytes_of_zeros_are_refused_unread(kind, victims, tmp_path):
     path = beside(victims[kind], tmp_path)
     os.truncate(path, 10_000_000_000)
@@ -87,7 +88,7 @@ def test_ten_gigabytes_of_zeros_are_refused_unread(kind, victims, tmp_path):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 20_000, "kilobytes"
 
 
-@pytest.mark.parametrize("kind", MAPS)
+@pytest.mark.parametrize("kind", ARCHIVES)
 @pytest.mark.parametrize("told", [3_000_000_000, 1_000])
 def test_an_archive_that_unpacks_to_gigabytes_is_refused_before(kind, told, victims, tmp_path):
     """Also where the table of contents tells a smaller size than there is."""
@@ -98,21 +99,19 @@ def test_an_archive_that_unpacks_to_gigabytes_is_refused_before(kind, told, vict
     packed = content.getvalue().replace(size.to_bytes(4, "little"), told.to_bytes(4, "little"))
     path = beside(victims[kind], tmp_path, packed)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    refuse(victims[kind], path, f"announces 1 and {told}" if told > size else "not a .*map, or a torn one")
+    refuse(victims[kind], path, f"announces 1 and {told}" if told > size else "not a .*, or a torn one")
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 20_000, "kilobytes"
 
 
-@pytest.mark.parametrize("kind", MAPS)
-@pytest.mark.parametrize(
-    "name", ["../header.npy", "/tmp/header.npy", "a\\..\\header.npy", "C:header.npy", "header", ""]
-)
+@pytest.mark.parametrize("kind", ARCHIVES)
+@pytest.mark.parametrize("name", MEMBERS)
 def test_a_member_with_a_path_for_a_name_is_refused(kind, name, victims, tmp_path):
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w") as archive:
         archive.writestr(zipfile.ZipInfo(name), b"x")
     path = beside(victims[kind], tmp_path, content.getvalue())
     refuse(victims[kind], path, "expected arrays as plain names")
-    assert [one.name for one in tmp_path.iterdir() if one.name != "run.json"] == [path.name]
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
 
 
 @pytest.mark.parametrize("kind", TENSORS)
@@ -122,7 +121,7 @@ def test_a_header_of_exabytes_is_refused(kind, length, victims, tmp_path):
     refuse(victims[kind], path, f"announce a header of {length} bytes")
 
 
-@pytest.mark.parametrize("kind", MAPS)
+@pytest.mark.parametrize("kind", ARCHIVES)
 def test_an_array_of_exabytes_is_refused(kind, victims, tmp_path):
     table = b"{'descr': '|u1', 'fortran_order': False, 'shape': (1152921504606846976,), }\n"
     content = io.BytesIO()
@@ -132,16 +131,15 @@ def test_an_array_of_exabytes_is_refused(kind, victims, tmp_path):
     refuse(victims[kind], path, r"`header` has 4 bytes, which do not fit uint8 of shape \(1152921504606846976,\)")
 
 
-@pytest.mark.parametrize("kind", ALL)
+@pytest.mark.parametrize("kind", KINDS)
 def test_links_folders_pipes_and_devices(kind, victims, tmp_path):
     victim, folder = victims[kind], tmp_path / "folder"
     folder.mkdir()
     link = folder / victim.path.name
     link.symlink_to(victim.path)
-    if kind != "toml":  # the name of a suite comes from its file
-        assert victim.load(link) is not None
-    if kind == "session":
-        return  # a session that is not there is begun
+    assert victim.load(link) is not None
+    if kind in ("session", "taught", "training_log"):
+        return  # what is not there is begun, or is no part of the set
     for name, make in {
         "nowhere": lambda path: path.symlink_to(tmp_path / "none"),
         "itself": lambda path: path.symlink_to(path),
@@ -167,15 +165,18 @@ def test_a_byte_order_mark_and_windows_line_ends_are_read(kind, victims, tmp_pat
     assert victims[kind].load(beside(victims[kind], tmp_path, b"\xef\xbb\xbf" + content)) is not None
 
 
-@pytest.mark.parametrize("kind", ["session", "record", "results"])
+@pytest.mark.parametrize("kind", JSONS)
 @pytest.mark.parametrize(
     ("text", "match"),
     [
-        ("[" * 100_000, "nested too deeply"),
+        ("[" * 100_000, "nested too deeply|is not `key: value`"),
         ('{"a": NaN}', "it holds NaN"),
         ('{"a": -Infinity}', "it holds -Infinity"),
         ('{"a": 1e999}', "it holds 1e999"),
         ('{"a": ' + "9" * 5_000 + "}", "not JSON"),
+        ('{"a": ' + "9" * 41 + "}", "it holds a whole number of 41 digits"),
+        ('{"a": {"b": 1, "c": 2, "b": 3}}', "it says `b` twice"),
+        ('{"a": ' + "[" * 65 + "]" * 65 + "}", "nested too deeply"),
         ("null", None),
         ("[]", None),
         ('"text"', None),
