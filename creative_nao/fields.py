@@ -131,7 +131,7 @@ def shown(value: Any) -> str:
     if isinstance(value, list | tuple | dict) and len(value) > 8:
         return f"a {type(value).__name__} of {len(value)}"
     if isinstance(value, str) and len(value) > 60:
-        return f"{value[:40]!r}... of {len(value)} characters"
+        return f"{repr(value[:40])[:60]}... of {len(value)} characters"
     try:
         found = repr(value)
     except (RecursionError, ValueError):  # ValueError: a whole number of more digits than Python writes

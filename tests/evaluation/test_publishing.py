@@ -153,7 +153,7 @@ def test_where_one_is_ahead_the_page_says_by_how_much():
 
 
 def test_a_result_file_holds_to_the_bit_and_only_what_is_asked_is_played(finished):
-    found = verify(finished.folder / "results.json", n_sample=2, executor=LocalExecutor(2))
+    found = verify(finished.folder / "results.json", trusted=True, n_sample=2, executor=LocalExecutor(2))
     assert found.holds
     assert found.exact
     assert [(check.agent, check.seed) for check in found.checks] == [("supervised", 0), ("ppo", 1)]
@@ -161,7 +161,7 @@ def test_a_result_file_holds_to_the_bit_and_only_what_is_asked_is_played(finishe
 
 
 def test_a_published_file_can_be_verified_without_its_run_folder(published):
-    found = verify(published / "results" / "fake.json", n_sample=1, row=2, executor=LocalExecutor(1))
+    found = verify(published / "results" / "fake.json", trusted=True, n_sample=1, row=2, executor=LocalExecutor(1))
     assert found.holds
     assert found.checks[0].agent == "random"
 
@@ -172,7 +172,7 @@ def test_a_changed_figure_does_not_hold(published, tmp_path):
     row["reward_per_seed"]["0"] += 1e-9
     path = tmp_path / "changed.json"
     path.write_text(json.dumps(results))
-    found = verify(path, n_sample=1, row=1, executor=LocalExecutor(1))
+    found = verify(path, trusted=True, n_sample=1, row=1, executor=LocalExecutor(1))
     assert not found.holds
     assert not found.checks[0].holds
 
@@ -195,7 +195,7 @@ def test_other_versions_are_told_and_judged_by_the_tolerance(published, tmp_path
     row["reward_per_seed"]["0"] *= 1.005
     path = tmp_path / "other.json"
     path.write_text(json.dumps(results))
-    found = verify(path, n_sample=1, row=1, executor=LocalExecutor(1))
+    found = verify(path, trusted=True, n_sample=1, row=1, executor=LocalExecutor(1))
     assert not found.exact
     assert any(line.startswith("numpy was 1.0, now ") for line in found.differences)
     assert found.checks[0].holds
