@@ -5,8 +5,8 @@
 Seeds are the good files of `tests/hostile/victims.py` and the corpus in `tests/hostile/corpus`;
 `tests/hostile/mutations.py` breaks them. An input that is refused for a reason not heard before joins the seeds, and
 so does now and then one that is read: words take the place of measured coverage. A finding is any error other than a
-`CreativeNaoError`, one that does not name the file, a warning, a result that cannot be used, more than 5 s, more than
-200 MB. Each kind of finding is written once into the corpus, where `tests/hostile/test_corpus.py` tries it for ever.
+`CreativeNaoError`, one that does not name the file, a warning, a result that cannot be used, more than 5 s of the
+processor, more than 200 MB. Each kind of finding is written once into the corpus, where `tests/hostile/test_corpus.py` tries it for ever.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def main() -> int:
     parser.add_argument("--corpus", type=Path, default=CORPUS, help="where findings are written")
     chosen = parser.parse_args()
     warnings.simplefilter("error")
-    signal.signal(signal.SIGALRM, _too_long)
+    signal.signal(signal.SIGPROF, _too_long)
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
         victims = make_victims(Path(folder) / "good")
         kinds = chosen.kinds.split(",")
@@ -102,7 +102,7 @@ class Campaign:
         victim, place = self.victims[kind], self.places[kind]
         place.write_bytes(content)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
+        signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
         try:
             loaded = victim.load(place)
             what = "read"
@@ -119,7 +119,7 @@ class Campaign:
             what = "finding"
             self._found(kind, content, _signature(error))
         finally:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
         self.counts[kind, what] += 1
         grown_mb = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1e3
         if grown_mb > LARGEST_MB:

@@ -6,6 +6,7 @@ import ast
 import io
 import lzma
 import math
+import re
 import struct
 import zipfile
 import zlib
@@ -15,13 +16,15 @@ from typing import Any
 import numpy as np
 
 from creative_nao.errors import FileFormatError
-from creative_nao.fields import Fields
+from creative_nao.fields import Fields, shown
 from creative_nao.untrusted import as_json, read_bytes
 
 MAX_UNPACKED_BYTES = 256_000_000
 """Most bytes that the arrays of one NPZ file may unpack to."""
 MAX_MEMBERS = 256
 _MAX_ARRAY_HEADER = 10_000
+_PLAIN_TYPE = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248]|U\d{1,9})", re.ASCII)
+"""Names of the kinds of values that are read, as NumPy writes them; it knows many more."""
 _BROKEN_ZIP = (
     zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, OSError, ValueError, KeyError, IndexError,
     TypeError, NotImplementedError, RuntimeError, OverflowError, MemoryError,
@@ -85,12 +88,16 @@ def _array(file: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.n
         raise FileFormatError(f"{where} announces a header of {length} bytes, expected at most {_MAX_ARRAY_HEADER}")
     try:
         header = ast.literal_eval(content[start : start + length].decode("utf-8").strip())
-        dtype, order, shape = np.dtype(str(header["descr"])), header["fortran_order"], header["shape"]
+        told, order, shape = header["descr"], header["fortran_order"], header["shape"]
+        if not isinstance(told, str) or not _PLAIN_TYPE.fullmatch(told):
+            held = _type_name(told)
+            raise FileFormatError(f"{where} holds {held}, expected numbers or text; objects are never unpickled")
+        dtype = np.dtype(told)
         sound = isinstance(shape, tuple) and all(type(n) is int and n >= 0 for n in shape)
+    except FileFormatError:
+        raise
     except (SyntaxError, ValueError, TypeError, KeyError, RecursionError, MemoryError) as error:
         raise FileFormatError(f"{where} has a broken header") from error
-    if dtype.kind not in "biufU" or (dtype.kind == "f" and dtype.itemsize > 8):
-        raise FileFormatError(f"{where} holds {dtype}, expected numbers or text; objects are never unpickled")
     data = content[start + length :]
     if not sound or len(data) != math.prod(shape) * dtype.itemsize:
         raise FileFormatError(f"{where} has {len(data)} bytes, which do not fit {dtype} of shape {str(shape)[:60]}")
@@ -100,6 +107,10 @@ def _array(file: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.n
     if dtype.kind == "U" and not _is_text(flat):
         raise FileFormatError(f"{where} holds numbers that stand for no character")
     return flat.reshape(shape, order="F" if order else "C")
+
+
+def _type_name(told: object) -> str:
+    return "object" if isinstance(told, str) and told.lstrip("|=<>").startswith("O") else shown(told)
 
 
 def _is_text(flat: np.ndarray) -> bool:

@@ -100,10 +100,15 @@ class FlippedSwappedAxes(VecEnvWrapper):
         return values, self.chosen.copy()
 
     def set_state(self, values: dict[str, Any], chosen: np.ndarray) -> None:
-        """Take over what `get_state` returned."""
-        found = generator_from(values)
-        assert found is not None
-        self._random, self.chosen = found, np.array(chosen, dtype=np.int64)
+        """Take over what `get_state` returned.
+
+        Raises:
+            SettingsError: If it is no such state.
+        """
+        found, ways = generator_from(values), np.array(chosen, dtype=np.int64)
+        if found is None or ways.shape != (self.num_envs,) or not ((ways >= 0) & (ways < self.n_ways)).all():
+            raise SettingsError(f"`chosen` should hold {self.num_envs} ways from 0 to {self.n_ways - 1}")
+        self._random, self.chosen = found, ways
 
 
 def turns(n_pb: int) -> tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]:

@@ -202,8 +202,9 @@ def _check_sizes(path: Path, header: BundleHeader, arrays: dict[str, np.ndarray]
         declared = list(settings.hidden)
     else:
         declared = nets_of(settings.policy_kwargs.get("net_arch"), "`net_arch`").get("pi", [])
-        declared += [settings.policy_kwargs[name] for name in ("lstm_hidden_size",) if name in settings.policy_kwargs]
-    for width in (*declared, *header.observation_space.shape):
+        named = ("lstm_hidden_size", "width")
+        declared += [settings.policy_kwargs[name] for name in named if name in settings.policy_kwargs]
+    for width in declared:
         if width not in sizes:
             raise FileFormatError(f"{where}: a layer of {width} units is declared, but no weights have that size")
 

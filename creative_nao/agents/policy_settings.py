@@ -15,6 +15,7 @@ MAX_WEIGHTS = 20_000_000
 """Of all networks of a policy together, targets included: 80 MB."""
 _COUNTS = {
     "n_critics": 10, "n_quantiles": 1_000, "lstm_hidden_size": 2048, "n_lstm_layers": 8, "renorm_warmup_steps": 10**9,
+    "width": 512, "n_layers": 16,
 }  # fmt: skip
 _NUMBERS = {
     "log_std_init": 20.0, "clip_mean": 1e6, "batch_norm_momentum": 1.0, "batch_norm_eps": 1.0,
