@@ -6,7 +6,8 @@ Seeds are the good files of `tests/hostile/victims.py` and the corpus in `tests/
 `tests/hostile/mutations.py` breaks them. An input that is refused for a reason not heard before joins the seeds, and
 so does now and then one that is read: words take the place of measured coverage. A finding is any error other than a
 `CreativeNaoError`, one that does not name the file, a warning, a result that cannot be used, more than 5 s of the
-processor, more than 200 MB. Each kind of finding is written once into the corpus, where `tests/hostile/test_corpus.py` tries it for ever.
+processor, more than 200 MB. Each kind of finding is written once into the corpus, where
+`tests/hostile/test_corpus.py` tries it for ever.
 """
 
 from __future__ import annotations

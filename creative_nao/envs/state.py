@@ -56,8 +56,7 @@ class EnvState:
         if n_accepted > self.values["n_actions"]:
             raise SettingsError(f"`state`: {n_accepted} accepted actions of {self.values['n_actions']} cannot be")
         for name, example in like.arrays.items():
-            rows = dict.fromkeys(_GROWING, n_accepted).get(name)
-            shape = example.shape if rows is None else (rows, *example.shape[1:])
+            shape = (n_accepted, *example.shape[1:]) if name in _GROWING else example.shape
             _check_array(name, self.arrays[name], shape, example.dtype, sized=name not in OF_THE_NETWORK)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
