@@ -35,7 +35,7 @@ def fault_table(record: dict[str, Any]) -> str:
         codes = Counter(case["exit_code"] for case in mine)
         told = ", ".join(f"{code} ({count})" for code, count in sorted(codes.items()))
         said = max((case["said"] for case in mine if case["exit_code"] > 0), key=len, default="")
-        lines.append(f"| {name} | {told} | {f'`{said}`' if said else '-'} |")
+        lines.append(f"| {name} | {told} | {f'`` {said} ``' if said else '-'} |")
     return "\n".join(lines)
 
 

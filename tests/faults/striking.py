@@ -56,7 +56,7 @@ def start(command, folder, *, fault="none", moment=-1, delay_s=0.0, more=(), nam
     log, mark = folder / f"{name}.touches", folder / f"{name}.struck"
     plan = {
         "folder": str(folder / RUN_FOLDER), "fault": fault, "moment": moment, "delay_s": delay_s,
-        "log": str(log), "mark": str(mark), "module": command.module,
+        "log": str(log), "mark": str(mark),
     }  # fmt: skip
     path = os.pathsep.join([str(STRUCK), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "STRIKE": json.dumps(plan), "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}

@@ -53,7 +53,6 @@ class Command:
 
     Attributes:
         words: What is typed.
-        module: The module it lives in; a strike at moment 0 hits while it is loaded.
         files: What it promises to write into the run folder.
         interval: How the names end of the files of which each keeps another piece of work.
         at_work: Pieces of work in the air at a time.
@@ -64,7 +63,6 @@ class Command:
     """
 
     words: tuple[str, ...]
-    module: str
     files: tuple[str, ...]
     interval: str | None = None
     at_work: int = 1
@@ -101,31 +99,31 @@ AGENT = (
 )  # fmt: skip
 COMMANDS = {
     "teach": Command(
-        ("teach", "--out", "out"), "creative_nao.cli.teach", (*(f"{name}.csv" for name in ACTIONS), "record.json")
+        ("teach", "--out", "out"), (*(f"{name}.csv" for name in ACTIONS), "record.json")
     ),
     "train": Command(
-        (*TRAIN, "--out", "out/m.safetensors"), "creative_nao.cli.train", ("m.safetensors",),
+        (*TRAIN, "--out", "out/m.safetensors"), ("m.safetensors",),
         interval=".checkpoint", resume=_always,
     ),
     "train, two networks": Command(
-        (*TRAIN, "--seed", "1", "2", "--n-workers", "1", "--out", "out"), "creative_nao.cli.train",
+        (*TRAIN, "--seed", "1", "2", "--n-workers", "1", "--out", "out"),
         ("half-1.safetensors", "half-2.safetensors", "training.json"), interval=".checkpoint", resume=_always,
     ),
     "map": Command(
-        ("map", "half/0", "--resolution", "12", "--out", "out/map.npz"), "creative_nao.cli.map", ("map.npz", "map.png")
+        ("map", "half/0", "--resolution", "12", "--out", "out/map.npz"), ("map.npz", "map.png")
     ),
     "map --physical": Command(
         ("map", "half/0", "--physical", "--resolution", "3", "--n-threads", "1", "--out", "out/map.npz"),
-        "creative_nao.cli.map", ("map.npz", "map.png"), interval=".part.npz", resume=_if_there("map.part.npz"),
+        ("map.npz", "map.png"), interval=".part.npz", resume=_if_there("map.part.npz"),
         start=(sys.executable, "-c", IN_SMALL_BLOCKS),
     ),
     "agent train": Command(
-        AGENT, "creative_nao.cli.agent_train",
+        AGENT,
         ("agent.safetensors", "checkpoint.safetensors", "episodes.csv", "evaluations.csv", "progress.csv", "run.json"),
         interval="checkpoint.safetensors", resume=_always, prepare=_write_ppo,
     ),
     "evaluate": Command(
-        ("evaluate", "tiny.toml", "--n-workers", "1", "--out", "out"), "creative_nao.cli.evaluate",
+        ("evaluate", "tiny.toml", "--n-workers", "1", "--out", "out"),
         (
             "results.json", "episodes.csv", "table.md", "run.json", "report.html", "maps/half-0.npz",
             "figures/reward.png", "figures/reward.svg",
@@ -133,11 +131,11 @@ COMMANDS = {
         interval=".result.json", resume=_if_there("run.json"), prepare=_write_suite,
     ),
     "explore --html": Command(
-        ("explore", "half/0", "--html", "out/page.html", "--resolution", "12"), "creative_nao.cli.explore",
+        ("explore", "half/0", "--html", "out/page.html", "--resolution", "12"),
         ("page.html",),
     ),
     "explore, favourites": Command(
-        ("explore", "out/session.json", "a" * 24), "creative_nao.explorer.session", ("session.json",),
+        ("explore", "out/session.json", "a" * 24), ("session.json",),
         start=(sys.executable, "-c", KEEP_FAVOURITES),
     ),
 }  # fmt: skip
@@ -146,6 +144,4 @@ COMMANDS = {
 def explorer(port: int) -> Command:
     """Return the server of the explorer; what it writes by itself is the map that it keeps."""
     words = ("explore", "half/0", "--no-open", "--port", str(port), "--resolution", "12")
-    return Command(
-        (*words, "--session", "out/session.json"), "creative_nao.cli.explore", ("session.json",), cache="out/cache"
-    )
+    return Command((*words, "--session", "out/session.json"), ("session.json",), cache="out/cache")

@@ -49,7 +49,7 @@ def test_a_struck_command_loses_nothing_but_the_current_interval(name, fault, nu
     if struck.code == 0 and delay_s:  # it was over before the delay was
         shutil.rmtree(out)
         struck, delay_s = run(command, tmp_path, fault=fault, moment=moment, name="again"), 0.0
-    tried |= {"exit_code": struck.code, "said": last_line(struck.said).replace(str(tmp_path), ""), "delay_s": delay_s}
+    tried |= {"exit_code": struck.code, "said": last_line(struck.said).replace(f"{tmp_path}/", ""), "delay_s": delay_s}
     assert struck.struck
     check_code(fault, struck.code)
     assert bool(tried["said"]) == (struck.code not in (0, -9)), struck
@@ -78,7 +78,7 @@ def two_at_once(name, folder, whole):
     ended = [end(one) for one in started]
     codes = sorted(one.code for one in ended)
     assert codes in ([0, 0], [0, 2]), ended
-    said = [last_line(one.said).replace(str(folder), "") for one in ended]
+    said = [last_line(one.said).replace(f"{folder}/", "") for one in ended]
     for one, line in zip(ended, said, strict=True):
         assert bool(line) == (one.code == 2), ended
     if shared:

@@ -18,6 +18,8 @@ import time
 
 SIGNALS = {"kill -9": signal.SIGKILL, "SIGINT": signal.SIGINT, "SIGTERM": signal.SIGTERM}
 JUMPS_S = {"clock jumps back": -86_400.0, "clock jumps ahead": 86_400.0}
+EARLY = "creative_nao.cli.progress"
+"""At moment 0 the strike comes when `train` loads this: before it does anything, and long before it is ready."""
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
@@ -26,7 +28,7 @@ class Striker:
 
     def __init__(self, plan):
         self.folder, self.fault, self.moment = plan["folder"], plan["fault"], plan["moment"]
-        self.delay_s, self.mark, self.module = plan["delay_s"], plan["mark"], plan["module"]
+        self.delay_s, self.mark = plan["delay_s"], plan["mark"]
         self.count, self.busy = itertools.count(1), False
         self.log = os.open(plan["log"], os.O_WRONLY | os.O_CREAT | os.O_APPEND)
         self.worker = "creative_nao.evaluation.job" in sys.orig_argv
@@ -36,7 +38,7 @@ class Striker:
     def __call__(self, event, arguments):
         if self.busy:
             return
-        if event == "import" and self.moment == 0 and arguments[0] == self.module:
+        if event == "import" and self.moment == 0 and arguments[0] == EARLY:
             self.moment = -1
             self.strike()
         if event == "open":
