@@ -38,6 +38,9 @@ class ExploreSettings:
     """Points along each axis of the map."""
     run: Path | None = None
     """Run folder of `evaluate` whose agents' choices are laid over the map."""
+    physical: tuple[Path, ...] = ()
+    """Physical map of the memory, as `creative-nao map MEMORY --physical` writes it: the map can then be coloured by
+    what the body makes of each movement."""
     session: Path | None = None
     """JSON file of the favourites; default: one of this user."""
     html: Path | None = None
@@ -55,15 +58,17 @@ def run(settings: ExploreSettings) -> int:
         from creative_nao.explorer.server import Exhibit, claim_port, serve
     except ImportError as error:
         raise MissingDependencyError(f"the explorer needs {error.name or 'NiceGUI'}: {INSTALL}") from error
-    from creative_nao.explorer.charting import Charting
-    from creative_nao.explorer.mind import Mind
+    from creative_nao.explorer.physical import check_physical, physical_map_of
     from creative_nao.explorer.session import Session, default_path
     from creative_nao.explorer.stage import Stage
+    from creative_nao.explorer.subject import Subject
 
+    check_physical(settings.physical, [memory])
     claim_port(settings.host, settings.port)
     crowd = None if settings.run is None else choices(settings.run)
     session = Session(settings.session or default_path())
-    exhibit = Exhibit(Mind(memory), Charting(memory, settings.resolution), Stage(), session, crowd)
+    subject = Subject(memory, settings.resolution, physical_map_of(memory, settings.physical))
+    exhibit = Exhibit([subject], Stage(), session, crowd)
     print(f"the memory {settings.memory} is at http://{settings.host}:{settings.port}/  (Ctrl-C ends)")  # noqa: T201
     if settings.host not in ("127.0.0.1", "localhost", "::1"):
         print("warning: other machines can reach this page, and it asks nobody for a password", file=sys.stderr)  # noqa: T201

@@ -137,7 +137,7 @@ def _blank(memory: Memory, resolution: int, criteria: Criteria, limits: Physical
     pb = pb_grid(resolution)
     settings = {
         "memory": memory.name,
-        "sha256": _fingerprint(memory),
+        "sha256": fingerprint(memory),
         "resolution": resolution,
         "criteria": vars(criteria),
         "limits": vars(limits),
@@ -161,7 +161,7 @@ def _blank(memory: Memory, resolution: int, criteria: Criteria, limits: Physical
     )
 
 
-def _fingerprint(memory: Memory) -> str:
+def fingerprint(memory: Memory) -> str:
     """Return what tells memories apart that share a name: a hash of weights and basic actions."""
     digest = hashlib.sha256(json.dumps(vars(memory.network), sort_keys=True, default=str).encode())
     for array in (

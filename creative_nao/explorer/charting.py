@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 
 from creative_nao.explorer.maps import cached_map, kept_map
@@ -27,7 +28,7 @@ class Charting:
         self._memory, self._resolution = memory, resolution
         self.finished = threading.Event()
         known = kept_map(memory, resolution)
-        self.chart: PBMap = pb_map(memory, min(COARSE, resolution)) if known is None else known
+        self.chart: PBMap = _lean(pb_map(memory, min(COARSE, resolution))) if known is None else known
         if known is not None:
             self.finished.set()
 
@@ -37,5 +38,10 @@ class Charting:
             threading.Thread(target=self._compute, name="fine map", daemon=True).start()
 
     def _compute(self) -> None:
-        self.chart = cached_map(self._memory, self._resolution)
+        self.chart = _lean(cached_map(self._memory, self._resolution))
         self.finished.set()
+
+
+def _lean(chart: PBMap) -> PBMap:
+    """Return a map without its movements: 128 MB of a fine one, and the memory makes them again when needed."""
+    return dataclasses.replace(chart, trajectories=None, dt_s=None)

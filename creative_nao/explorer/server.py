@@ -8,7 +8,8 @@ import socket
 from nicegui import app, ui
 
 from creative_nao.errors import SettingsError
-from creative_nao.explorer.page import Exhibit, Tab, points_of
+from creative_nao.explorer.address import place_of
+from creative_nao.explorer.page import Exhibit, Tab
 from creative_nao.explorer.security import LOCAL_HOSTS, LocalOnly
 
 RECONNECT_S = 30.0
@@ -19,11 +20,10 @@ def mount(exhibit: Exhibit) -> None:
     """Register the page. Importing registers nothing."""
 
     @ui.page("/")
-    def page(x: str = "0", y: str = "0", path: str = "") -> None:
-        tab = Tab(exhibit)
+    def page(x: str = "0", y: str = "0", path: str = "", view: str = "", colour: str = "") -> None:
+        tab = Tab(exhibit, place_of(x, y, path, view=view, colour=colour))
         tab.build()
-        wanted = points_of(x, y, path)
-        ui.timer(0, lambda: tab.show(wanted, keep=False), once=True)
+        ui.timer(0, tab.open, once=True)
 
 
 def claim_port(host: str, port: int) -> None:
@@ -54,7 +54,8 @@ def serve(exhibit: Exhibit, *, host: str, port: int, show: bool) -> None:
     mount(exhibit)
     if host in LOCAL_HOSTS:
         app.add_middleware(LocalOnly)
-    exhibit.charting.start()
+    for subject in exhibit.subjects:
+        subject.charting.start()
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(
             host=host, port=port, show=show, reload=False, show_welcome_message=False, title="Memory explorer",

@@ -14,6 +14,14 @@ OUTCOME_WORDS = {
     "fluctuating": "too fast for the motors",
     "non_moving": "hardly moves",
 }
+BODY_WORDS = {
+    "joint_limit": "beyond a joint's range",
+    "torque_saturated": "motors at their limit",
+    "tracking_error": "the arms cannot follow",
+    "self_collision": "touches itself",
+    "fell": "falls",
+}
+"""What only a body adds."""
 
 
 def spoken(name: str) -> str:
@@ -21,9 +29,9 @@ def spoken(name: str) -> str:
     return name.replace("_", " ")
 
 
-def describe(recall: Recall, mind: Mind) -> str:
-    """Return one sentence for the eye and for a screen reader."""
-    where = f"PB {recall.pb[0]:.3f}, {recall.pb[1]:.3f}"
+def describe(recall: Recall, mind: Mind, digits: int = 3) -> str:
+    """Return one sentence for the eye and for a screen reader; the PB has so many decimals."""
+    where = f"PB {recall.pb[0]:.{digits}f}, {recall.pb[1]:.{digits}f}"
     if len(recall.points) > 1:
         where = f"path of {len(recall.points)} points to {where}"
     letter, name = action_letter(recall.nearest), spoken(mind.names[recall.nearest])

@@ -39,16 +39,24 @@ def map_image(pb_map: PBMap) -> np.ndarray:
     return _with_unusable(image, pb_map)
 
 
-def measure_image(pb_map: PBMap, values: np.ndarray) -> tuple[np.ndarray, ScalarMappable]:
+def measure_span(pb_map: PBMap, values: np.ndarray) -> tuple[float, float]:
+    """Return the smallest and the largest value among the points that can be used; 0 and 1 if none can."""
+    usable = values[pb_map.appropriate]
+    return (float(usable.min()), float(usable.max())) if len(usable) else (0.0, 1.0)
+
+
+def measure_image(
+    pb_map: PBMap, values: np.ndarray, span: tuple[float, float] | None = None
+) -> tuple[np.ndarray, ScalarMappable]:
     """Return the colours of a map that tell a number a point, in the manner of `map_image`, and their scale.
 
-    The scale spans the points that can be used; the others keep the colours of their outcomes.
+    The scale goes from `span[0]` to `span[1]`, by default over the points that can be used (`measure_span`); the others
+    keep the colours of their outcomes.
     """
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    usable = values[pb_map.appropriate]
-    low, high = (float(usable.min()), float(usable.max())) if len(usable) else (0.0, 1.0)
+    low, high = measure_span(pb_map, values) if span is None else span
     scale = ScalarMappable(Normalize(low, high), MEASURE_COLOURS)
     return _with_unusable(np.array(scale.to_rgba(values))[:, :3], pb_map), scale
 

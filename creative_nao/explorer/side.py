@@ -1,0 +1,106 @@
+"""One memory in a tab: its map, its robot, and what is told of the movement."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from nicegui import run, ui
+from nicegui.elements.scene.scene_object3d import Object3D
+
+from creative_nao.explorer.attribution_strip import strip_html
+from creative_nao.explorer.body import angles_message
+from creative_nao.explorer.curves import curves_svg
+from creative_nao.explorer.map_pane import MapPane
+from creative_nao.explorer.mind import Recall
+from creative_nao.explorer.stage import Stage
+from creative_nao.explorer.subject import Subject
+from creative_nao.explorer.words import describe
+
+if TYPE_CHECKING:
+    from creative_nao.explorer.page import Tab
+
+STATIC = Path(__file__).with_name("static")
+
+
+class RobotView(Object3D, component=STATIC / "robot.js"):
+    """The robot in the scene of a tab."""
+
+    def __init__(self, description: dict[str, Any]) -> None:
+        super().__init__(description)
+
+    def perform(self, movement: dict[str, Any], ghost: dict[str, Any] | None) -> None:
+        """Let the browser play a movement, with the nearest basic action as a ghost."""
+        self.run_method("perform", movement, ghost)
+
+
+class Side:
+    """What a tab shows of one memory.
+
+    Args:
+        subject: The memory.
+
+    Attributes:
+        recall: The movement shown.
+    """
+
+    def __init__(self, subject: Subject) -> None:
+        self.subject = subject
+        self.map = MapPane(subject)
+        self.recall: Recall | None = None
+        self._movement: tuple[dict[str, Any], dict[str, Any] | None] | None = None
+        self._ghostly = True
+
+    def build_robot(self, stage: Stage) -> None:
+        """Lay the robot out."""
+        with ui.element("div").classes("cn-scene"):
+            ui.label("The robot needs WebGL. Without it, the sentence and the curves below still tell all.").classes(
+                "cn-behind"
+            )
+            camera = ui.scene.perspective_camera(fov=50)
+            scene = ui.scene(grid=False, fps=240, background_color="#c9d3de", camera=camera).classes("w-full h-full")
+            label = f"The robot performing the movement of memory {self.subject.name}".replace('"', "'")
+            scene.props(f'role=img aria-label="{label}"')
+            with scene:
+                self.robot = RobotView(stage.body.description())
+            scene.move_camera(x=0.62, y=-0.6, z=0.52, look_at_x=0.08, look_at_y=0, look_at_z=0.33, duration=0)
+            scene.on("init", self.replay)
+
+    def build_told(self) -> None:
+        """Lay out what is told of the movement in words and curves."""
+        self.status = ui.label("The robot remembers ...").classes("cn-status")
+        self.status.props("role=status aria-live=polite").mark("status")
+        self.curves = ui.html("", sanitize=False).classes("w-full")  # numbers and fixed names only
+
+    def present(self, recall: Recall, digits: int = 3) -> None:
+        """Show a movement that has been made or recognised; its PB is told with so many decimals."""
+        memory = self.subject.mind.memory
+        basic = memory.demonstrations.trajectories[recall.nearest]
+        self.recall = recall
+        self._movement = angles_message(recall.trajectory, memory.dt_s), angles_message(basic, memory.dt_s)
+        self.replay()
+        self.status.text = describe(recall, self.subject.mind, digits)
+        self.curves.content = curves_svg(recall, self.subject.mind) + strip_html(recall, self.subject.mind)
+
+    async def perform(self, tab: Tab) -> None:
+        """Let the simulated robot perform the movement shown, and tell what its body made of it."""
+        recall = self.recall
+        if recall is None:
+            return
+        dt_s = self.subject.mind.memory.dt_s
+        performed = await run.io_bound(tab.exhibit.stage.perform, recall.trajectory, dt_s)
+        if performed is not None and recall is self.recall:
+            self._movement = performed[0], None
+            self.replay()
+            self.status.text = f"{self.status.text}; {performed[1]}"
+
+    def ghost(self, seen: bool) -> None:
+        """Show or hide the nearest basic action."""
+        self._ghostly = seen
+        self.replay()
+
+    def replay(self) -> None:
+        """Let the browser play the movement again."""
+        if self._movement is not None:
+            movement, ghost = self._movement
+            self.robot.perform(movement, ghost if self._ghostly else None)
