@@ -39,10 +39,11 @@ def check_physical(files: Iterable[Path], memories: Iterable[Memory]) -> None:
     for path in files:
         settings = _settings(PhysicalMap.load(path))
         if settings.get("sha256") not in shown:
-            names = " or ".join(shown.values())
+            names = list(shown.values())
             raise SettingsError(
-                f"{path} is a physical map of the memory {settings.get('memory', '')!s:.60}, with other weights or basic "
-                f"actions than {names}; make one with `creative-nao map {next(iter(shown.values()))} --physical --out FILE`"
+                f"{path} is a physical map of the memory {settings.get('memory', '')!s:.60}, with other weights or "
+                f"basic actions than {' or '.join(names)}; make one with "
+                f"`creative-nao map {names[0]} --physical --out FILE`"
             )
 
 

@@ -1,12 +1,16 @@
 """One server and one browser for all tests of the page."""
 
+from pathlib import Path
+
 import pytest
 from visiting import CHROMIUM, FLAGS, Server, Visit
+
+PHYSICAL = Path(__file__).parents[2] / "docs" / "results" / "physical" / "half_0.npz"
 
 
 @pytest.fixture(scope="package")
 def server(tmp_path_factory):
-    running = Server(tmp_path_factory.mktemp("explorer"))
+    running = Server(tmp_path_factory.mktemp("explorer"), words=["--physical", str(PHYSICAL)])
     yield running
     running.stop()
 

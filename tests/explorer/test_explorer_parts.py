@@ -11,11 +11,12 @@ from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, S
 from creative_nao.exchange import FORMATS
 from creative_nao.explorer import Mind, cached_map, discover, recordings
 from creative_nao.explorer.curves import curves_svg
-from creative_nao.explorer.map_view import COLOURINGS, SIZE, map_picture, overlay, to_pb, to_pixel
+from creative_nao.explorer.map_view import overlay
 from creative_nao.explorer.maps import cache_path, content_hash
 from creative_nao.explorer.mind import as_coordinate
 from creative_nao.explorer.security import is_welcome
 from creative_nao.explorer.session import Favourite, Session
+from creative_nao.explorer.view import View
 from creative_nao.explorer.words import describe
 from creative_nao.model import load_memory
 from creative_nao.pb_space import pb_map
@@ -67,29 +68,18 @@ def test_the_cached_map_is_the_computed_one_and_a_torn_file_is_computed_again(mi
     assert content_hash(mind.memory) != content_hash(load_memory("half/1"))
 
 
-def test_pixels_and_pb_points_are_each_others_reverse():
-    for pb in ((-1.0, -1.0), (1.0, 1.0), (0.25, -0.5)):
-        assert to_pb(*to_pixel(pb, 200), 200) == pytest.approx(pb, abs=5e-4)
-    assert to_pb(0, 0, 200) == (-1.0, 1.0)
-
-
-@pytest.mark.parametrize("colouring", COLOURINGS)
-def test_every_colouring_draws_the_whole_map(chart, colouring):
-    picture = np.asarray(map_picture(chart, colouring))
-    assert picture.shape == (SIZE, SIZE, 3)
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 3
-
-
-def test_an_unknown_colouring_names_the_nearest(chart):
-    with pytest.raises(NotFoundError, match="did you mean `novelty`"):
-        map_picture(chart, "noveltie")
-
-
 def test_the_overlay_has_a_letter_for_each_action_and_a_line_for_a_path(chart):
-    svg = overlay(chart, np.array([[0.0, 0.0], [0.5, 0.5]]), crowd=np.zeros((3, 2)))
+    whole = View.of(chart)
+    points = np.array([[0.0, 0.0], [0.5, 0.5]])
+    svg = overlay(whole, chart.learned_pb, points, crowd=np.zeros((3, 2)))
     assert [f">{letter}</text>" in svg for letter in "ABCDEF"] == [True] * 6
     assert svg.count("<polyline") == 2
     assert svg.count('r="4"') == 3
+    near = View(*(chart.learned_pb[2] - 0.01), 0.02)
+    svg = overlay(near, chart.learned_pb, points, crowd=np.zeros((3, 2)))
+    assert svg.count("</text>") == 1
+    assert '<text x="300.0" y="300.0"' in svg
+    assert 'r="4"' not in svg
 
 
 def test_a_surprise_is_new_and_appropriate(chart):

@@ -1,0 +1,155 @@
+"""What the colours of the page's map tell: every measure, what the body makes of it, and the legend beside."""
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from creative_nao.cli import main
+from creative_nao.envs.physical_chart import PhysicalMap
+from creative_nao.errors import NotFoundError, SettingsError
+from creative_nao.explorer import colours
+from creative_nao.explorer.finer import finer_sheet
+from creative_nao.explorer.hatching import PATTERNS, sample
+from creative_nao.explorer.legend import legend_html
+from creative_nao.explorer.map_view import map_picture
+from creative_nao.explorer.measuring import Measurements, measured
+from creative_nao.explorer.physical import check_physical, physical_map_of
+from creative_nao.explorer.view import SIZE, View
+from creative_nao.explorer.work import Work
+from creative_nao.model import load_memory
+from creative_nao.pb_space import COLOURINGS, colour_values, pb_map
+from creative_nao.pb_space.palette import UNUSABLE
+
+RESULTS = Path(__file__).parents[2] / "docs" / "results" / "physical"
+
+
+@pytest.fixture(scope="module")
+def memory():
+    return load_memory("half/0")
+
+
+@pytest.fixture(scope="module")
+def full(memory):
+    return pb_map(memory, 24)
+
+
+@pytest.fixture(scope="module")
+def chart(full, tmp_path_factory):
+    """Return the map as the page has it: read from a file, without movements."""
+    return type(full).load(full.save(tmp_path_factory.mktemp("map") / "map.npz"))
+
+
+@pytest.fixture(scope="module")
+def physical():
+    return PhysicalMap.load(RESULTS / "half_0.npz")
+
+
+@pytest.mark.parametrize("colour", COLOURINGS)
+def test_a_number_worked_out_on_demand_is_that_of_the_command(memory, full, chart, colour):
+    work = Work()
+    found = measured(memory, chart, colour, chart, work)
+    np.testing.assert_array_equal(found, colour_values(full, colour)[0])
+    assert colour == "unexpectedness" or work.share == 1.0
+
+
+def test_work_called_off_gives_nothing_and_is_done_again(memory, chart):
+    work = Work()
+    work.call_off()
+    numbers = Measurements(memory)
+    assert numbers.values(chart, "speed", work) is None
+    assert numbers.known(chart, "speed") is None
+    found = numbers.values(chart, "speed", Work())
+    assert numbers.known(chart, "speed") is found
+    assert finer_sheet(memory, chart, View(0, 0, 0.5), 10, "nearest", work) is None
+
+
+@pytest.mark.parametrize("colour", colours.NAMES)
+def test_every_colouring_draws_the_whole_map_and_has_a_legend(memory, chart, physical, colour):
+    drawn = physical if colours.is_of_body(colour) else chart
+    values = span = scale = None
+    if colours.is_number(colour):
+        of_body = colours.is_of_body(colour)
+        values = colours.figure_of_body(physical, colour) if of_body else measured(memory, chart, colour, chart, Work())
+        span = colours.spans([drawn], [values])
+        scale = colours.Scale(colours.scale_label(colour), *span)
+    picture = np.asarray(map_picture(drawn, colour, None, values, span))
+    assert picture.shape == (SIZE, SIZE, 3)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 3
+    legend = legend_html(drawn, colour, scale)
+    assert "A left jab" in legend
+    assert f"too fast for the motors {drawn.share_pct('fluctuating'):.1f} %" in legend
+    if scale is not None:
+        assert f"<span>{scale.low:.3g}</span>" in legend
+        assert re.search(r"\[\w.*\]|\d", scale.label) or "share" in scale.label or "hits" in scale.label
+
+
+def test_an_unknown_colouring_names_the_nearest(chart):
+    with pytest.raises(NotFoundError, match="did you mean `novelty`"):
+        map_picture(chart, "noveltie")
+
+
+def test_two_maps_share_one_scale(memory, chart):
+    other = pb_map(load_memory("closed/0"), 24)
+    low, high = colours.spans([chart, other], [chart.distance, other.distance])
+    usable = np.concatenate([one.distance[one.appropriate] for one in (chart, other)])
+    assert (low, high) == (usable.min(), usable.max())
+
+
+def test_every_unusable_outcome_has_a_pattern_of_its_own():
+    assert set(PATTERNS) == set(UNUSABLE)
+    drawn = {name: sample(name, 16, 16) != sample(name, 16, 16).min(axis=(0, 1)) for name in PATTERNS}
+    assert len({mask.tobytes() for mask in drawn.values()}) == len(PATTERNS)
+
+
+def test_names_from_a_file_cannot_write_html(chart):
+    from dataclasses import replace
+
+    evil = replace(chart, names=("<script>x</script>", *chart.names[1:]))
+    assert "<script>" not in legend_html(evil, "nearest")
+    assert "<script>" not in legend_html(evil, "outcome")
+
+
+@pytest.mark.parametrize("colour", ["nearest", "speed", "unexpectedness"])
+def test_finer_cells_are_what_the_memory_makes_there(memory, chart, colour):
+    view = View(0.1, -0.3, 0.2)
+    sheet = finer_sheet(memory, chart, view, 6, colour, Work())
+    np.testing.assert_array_equal(sheet.chart.pb, view.grid(6))
+    assert sheet.chart.trajectories is None
+    from creative_nao.measures import largest_speeds, score, unexpectedness
+
+    made = memory.generate(view.grid(6))
+    scores = score(made, memory.demonstrations)
+    assert sheet.chart.outcome.tolist() == scores.outcome.tolist()
+    np.testing.assert_array_equal(sheet.chart.distance, scores.novelty)
+    expected = {
+        "nearest": None,
+        "speed": largest_speeds(made, memory.dt_s).max(axis=1),
+        "unexpectedness": unexpectedness(scores.novelty, chart.distance[chart.appropriate]),
+    }[colour]
+    assert (colour in sheet.values) == (expected is not None)
+    if expected is not None:
+        np.testing.assert_array_equal(sheet.values[colour], expected)
+
+
+def test_a_physical_map_belongs_to_its_memory(memory, physical, tmp_path):
+    own, foreign = RESULTS / "half_0.npz", RESULTS / "open_0.npz"
+    found = physical_map_of(memory, [foreign, own])
+    np.testing.assert_array_equal(found.outcome, physical.outcome)
+    assert physical_map_of(memory, [foreign]) is None
+    check_physical([own, foreign], [memory, load_memory("open/0")])
+    with pytest.raises(SettingsError, match=r"physical map of the memory open/0.*than half/0; make one with `creative"):
+        check_physical([foreign], [memory])
+
+
+def test_a_foreign_physical_map_is_one_line_and_exit_code_2(tmp_path, capsys):
+    copied = shutil.copy(RESULTS / "closed_0.npz", tmp_path / "mine.npz")
+    assert main(["explore", "half/0", "--no-open", "--physical", str(copied)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "mine.npz is a physical map of the memory closed/0" in said
+    (tmp_path / "torn.npz").write_bytes(b"torn")
+    assert main(["explore", "half/0", "--no-open", "--physical", str(tmp_path / "torn.npz")]) == 2
+    assert "torn.npz" in capsys.readouterr().err
