@@ -24,10 +24,10 @@ CHOSEN = ("pb_1", "pb_2")
 
 @dataclass(frozen=True)
 class ExploreSettings:
-    """Open a memory in the browser: click or drag on its map and the NAO performs what is there."""
+    """Open a memory, or two side by side, in the browser: touch the map and the NAO performs what is there."""
 
-    memory: tyro.conf.Positional[str] = "half/0"
-    """Shipped name, such as half/0, or a memory file."""
+    memories: tyro.conf.Positional[tuple[str, ...]] = ("half/0",)
+    """Shipped name, such as half/0, or a memory file; two of them stand side by side."""
     port: int = 8765
     """Port to listen on."""
     host: str = "127.0.0.1"
@@ -39,7 +39,7 @@ class ExploreSettings:
     run: Path | None = None
     """Run folder of `evaluate` whose agents' choices are laid over the map."""
     physical: tuple[Path, ...] = ()
-    """Physical map of the memory, as `creative-nao map MEMORY --physical` writes it: the map can then be coloured by
+    """Physical maps of the memories, as `creative-nao map MEMORY --physical` writes them: the page can then colour by
     what the body makes of each movement."""
     session: Path | None = None
     """JSON file of the favourites; default: one of this user."""
@@ -51,25 +51,28 @@ def run(settings: ExploreSettings) -> int:
     """Serve the page until Ctrl-C, or write it to a file."""
     if not 1 <= settings.port <= 65535:
         raise SettingsError(f"--port should be from 1 to 65535, but is {settings.port}")
-    memory = load_memory(settings.memory)
+    if not 1 <= len(set(settings.memories)) == len(settings.memories) <= 2:
+        raise SettingsError(
+            f"explore shows one memory, or two different ones side by side, but got {' '.join(settings.memories)!r:.80}"
+        )
+    memories = [load_memory(name) for name in settings.memories]
     if settings.html is not None:
         return _write_page(settings, settings.html)
     try:
         from creative_nao.explorer.server import Exhibit, claim_port, serve
     except ImportError as error:
         raise MissingDependencyError(f"the explorer needs {error.name or 'NiceGUI'}: {INSTALL}") from error
-    from creative_nao.explorer.physical import check_physical, physical_map_of
+    from creative_nao.explorer.physical import check_physical
     from creative_nao.explorer.session import Session, default_path
+    from creative_nao.explorer.shelf import Shelf
     from creative_nao.explorer.stage import Stage
-    from creative_nao.explorer.subject import Subject
 
-    check_physical(settings.physical, [memory])
+    check_physical(settings.physical, memories)
     claim_port(settings.host, settings.port)
     crowd = None if settings.run is None else choices(settings.run)
     session = Session(settings.session or default_path())
-    subject = Subject(memory, settings.resolution, physical_map_of(memory, settings.physical))
-    exhibit = Exhibit([subject], Stage(), session, crowd)
-    print(f"the memory {settings.memory} is at http://{settings.host}:{settings.port}/  (Ctrl-C ends)")  # noqa: T201
+    exhibit = Exhibit(Shelf(memories, settings.resolution, settings.physical), Stage(), session, crowd)
+    print(f"{' beside '.join(settings.memories)} is at http://{settings.host}:{settings.port}/  (Ctrl-C ends)")  # noqa: T201
     if settings.host not in ("127.0.0.1", "localhost", "::1"):
         print("warning: other machines can reach this page, and it asks nobody for a password", file=sys.stderr)  # noqa: T201
     sys.stdout.flush()
@@ -116,6 +119,9 @@ def _write_page(settings: ExploreSettings, target: Path) -> int:
 
     if target.suffix.lower() not in (".html", ".htm"):
         raise SettingsError(f"--html should end in .html, but is {target}")
-    written = write_page(load_memory(settings.memory), target, settings.resolution)
+    if len(settings.memories) > 1:
+        raise SettingsError(f"--html writes one memory, but got {' and '.join(settings.memories)}")
+    (name,) = settings.memories
+    written = write_page(load_memory(name), target, settings.resolution)
     print(f"written: {written}, {written.stat().st_size / 1e6:.1f} MB; it opens by double click, without a network")  # noqa: T201
     return 0

@@ -86,7 +86,7 @@ class Look:
             )
             for pane, material in zip(self._panes, materials, strict=True):
                 if material is not None:
-                    await pane.paint(material, span)
+                    await pane.paint(material, span, self.colour)
         self._told()
 
     async def _work_out(self, pane: MapPane, work: Work) -> None:

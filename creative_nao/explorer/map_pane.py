@@ -24,6 +24,7 @@ _KEYS = "['ArrowLeft','ArrowRight','ArrowUp','ArrowDown','0','1','2','3','4','5'
 _TOUCHED = "(e) => { if (!window.mapPinch && ((e.buttons & 1) || e.mouse_event_type === 'pointerup')) emit(e) }"
 _HOVERED = "(e) => { if (!e.buttons) emit(e) }"
 _PRESSED = f"(e) => {{ if ({_KEYS}.includes(e.key) && !e.ctrlKey && !e.metaKey) {{ e.preventDefault(); emit(e) }} }}"
+LACKING = "No physical map of this memory was given (--physical): nearest actions instead."
 
 
 class Material(NamedTuple):
@@ -52,7 +53,9 @@ class MapPane:
 
     def build(self, tab: Tab) -> None:
         """Lay it out; what is done to it goes to the tab."""
-        picture = map_picture(self.subject.charting.chart, view=self.view)
+        chart = self.subject.charting.chart
+        picture = map_picture(chart, view=self.frame())
+        self._painted: tuple[Chart, str, View, tuple[float, float] | None] = (chart, NEAREST, self.frame(), None)
         self.image = ui.interactive_image(picture, events=["pointerdown", "pointermove", "pointerup"])
         label = f"Map of the PB space of memory {self.subject.name}: {KEYS_HELP}".replace('"', "'")
         self.image.classes("cn-map").mark("map").props(f'tabindex=0 role=application aria-label="{label}"')
@@ -61,7 +64,7 @@ class MapPane:
         self.image.on("keydown", tab.pressed, args=["key", "shiftKey"], throttle=0.03, js_handler=_PRESSED)
         self.image.on("mapzoom", lambda e: tab.zoomed(self, e), js_handler="(e) => emit(e.detail)")
         self.hover = ui.label("").classes("cn-hover text-sm")
-        legend = legend_html(self.subject.charting.chart, NEAREST)  # escapes the names
+        legend = legend_html(chart, NEAREST)  # escapes the names
         self.legend = ui.html(legend, sanitize=False).classes("cn-legend")
 
     def frame(self) -> View:
@@ -100,20 +103,25 @@ class MapPane:
         known = subject.measurements.known(chart, colour)
         return None if known is None else Material(chart, colour, known)
 
-    async def paint(self, material: Material, span: tuple[float, float] | None) -> None:
-        """Draw the map and its legend."""
+    async def paint(self, material: Material, span: tuple[float, float] | None, asked: str) -> None:
+        """Draw the map and its legend, unless they are drawn; `asked` is the colouring that was asked for."""
         frame = self.frame()
+        painted = (material.chart, asked, frame, span)
+        if painted[0] is self._painted[0] and painted[1:] == self._painted[1:]:
+            return
         picture = await run.io_bound(map_picture, material.chart, material.colour, frame, material.values, span)
         if picture is None or self.image.is_deleted or frame != self.frame():
             return
+        self._painted = painted
         self.image.set_source(picture)
         whole: Chart = material.chart if is_of_body(material.colour) else self.subject.charting.chart
         scale = None if span is None or material.values is None else Scale(scale_label(material.colour), *span)
-        self.legend.content = legend_html(whole, material.colour, scale)
+        lacking = "" if material.colour == asked else f"<div>{LACKING}</div>"
+        self.legend.content = lacking + legend_html(whole, material.colour, scale)
 
     def redraw(self, points: np.ndarray, tab: Tab) -> None:
         """Draw the marks anew."""
-        crowd = tab.exhibit.crowd if self.subject is tab.exhibit.subjects[0] else None
+        crowd = tab.exhibit.crowd if self.subject is tab.exhibit.shelf.first else None
         learned = self.subject.mind.memory.pb
         self.image.content = overlay(self.frame(), learned, points, tab.marks, crowd)
 

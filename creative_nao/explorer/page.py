@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from nicegui import background_tasks, events, run, ui
 
-from creative_nao.explorer import discover, panels
+from creative_nao.explorer import discover, layout, panels
 from creative_nao.explorer.address import Place
 from creative_nao.explorer.charting import Charting
 from creative_nao.explorer.look import Look
@@ -19,6 +19,7 @@ from creative_nao.explorer.map_pane import MapPane, as_pixel
 from creative_nao.explorer.map_view import Mark
 from creative_nao.explorer.mind import Mind, Recall, as_coordinate
 from creative_nao.explorer.session import MAX_POINTS, Session
+from creative_nao.explorer.shelf import NONE, Shelf
 from creative_nao.explorer.side import Side
 from creative_nao.explorer.stage import Stage
 from creative_nao.explorer.subject import Subject
@@ -36,7 +37,7 @@ _ZOOMS = {"+": STEP, "=": STEP, "-": 1 / STEP}
 class Exhibit:
     """What all tabs share: the memories with their maps, the robot and the favourites."""
 
-    subjects: list[Subject]
+    shelf: Shelf
     stage: Stage
     session: Session
     crowd: np.ndarray | None = None
@@ -44,28 +45,34 @@ class Exhibit:
 
     @property
     def mind(self) -> Mind:
-        """The first memory."""
-        return self.subjects[0].mind
+        """The memory that the page is about."""
+        return self.shelf.first.mind
 
     @property
     def charting(self) -> Charting:
         """Its map."""
-        return self.subjects[0].charting
+        return self.shelf.first.charting
 
 
 class Tab:
-    """One browser tab. Its attributes are its user's state."""
+    """One browser tab. Its attributes are its user's state.
 
-    def __init__(self, exhibit: Exhibit, place: Place | None = None) -> None:
+    Args:
+        exhibit: What it shares with all tabs.
+        place: Where it is.
+        beside: A second memory that follows every step beside the first.
+    """
+
+    def __init__(self, exhibit: Exhibit, place: Place | None = None, beside: Subject | None = None) -> None:
         place = Place() if place is None else place
         self.exhibit = exhibit
         self.mind = exhibit.mind
-        self.key = exhibit.subjects[0].key
+        self.key = exhibit.shelf.first.key
         self.client = ui.context.client
-        self.beside = ""
+        self.beside = beside.name if beside is not None else NONE if exhibit.shelf.beside else ""
         self.rng = np.random.default_rng()
         self.points = place.points
-        self.sides = [Side(exhibit.subjects[0])]
+        self.sides = [Side(subject) for subject in (exhibit.shelf.first, beside) if subject is not None]
         self.toolbar = Toolbar(self)
         self.look = Look([side.map for side in self.sides], self._looked)
         self.look.set(place.view, place.colour)
@@ -87,25 +94,16 @@ class Tab:
         ui.add_css((STATIC / "page.css").read_text(encoding="utf-8"))
         ui.add_body_html(f"<script>{(STATIC / 'zoom.js').read_text(encoding='utf-8')}</script>")
         self.dark = ui.dark_mode(None)
-        ui.label(f"Memory {self.mind.memory.name}").classes("text-lg")
+        ui.label(" and ".join(f"Memory {side.subject.name}" for side in self.sides)).classes("text-lg")
         self.toolbar.build()
-        with ui.element("div").classes("cn-page"):
-            for side in self.sides:
-                with ui.element("div").classes("cn-at-map"):
-                    side.map.build(self)
-                with ui.element("div").classes("cn-at-robot"):
-                    side.build_robot(self.exhibit.stage)
-                    self._build_player()
-                    side.build_told()
-                    self.status = side.status
-                    panels.favourites(self)
-            with ui.element("div").classes("cn-at-tools"):
-                self._build_tools()
+        (layout.alone if len(self.sides) == 1 else layout.twin)(self)
+        self.status = self.sides[0].status
         self.client.on_delete(self.look.call_off)
         if not all(side.subject.charting.finished.is_set() for side in self.sides):
             self.poll = ui.timer(1.0, self._finer)
 
-    def _build_player(self) -> None:
+    def build_player(self) -> None:
+        """Lay out what plays the robots."""
         with ui.row().classes("w-full items-center gap-2"):
             for what in ("Play", "Loop", "Speed"):
                 ui.button(what).props(f"dense no-caps outline data-player={what.lower()}")
@@ -116,7 +114,8 @@ class Tab:
             self.physics = ui.switch("Physics", on_change=lambda: self.show(self.points, keep=False))
             ui.switch("Ghost of the nearest", value=True, on_change=self._ghosts)
 
-    def _build_tools(self) -> None:
+    def build_tools(self) -> None:
+        """Lay out the tools: point or path, numbers, discovering, exchanging."""
         with ui.row().classes("items-center gap-2"):
             self.mode = ui.toggle(["point", "path"], value="point").props("no-caps dense aria-label='click or draw'")
             self.first, self.second = (
@@ -144,8 +143,13 @@ class Tab:
             await self.present(*(one for one in recalls if one is not None))
 
     async def present(self, *recalls: Recall) -> None:
-        """Show movements that have been made or recognised, one of each memory."""
+        """Show movements that have been made or recognised; a memory of which there is none is asked for its own."""
         number = self._latest
+        for side in self.sides[len(recalls) :]:
+            made = await run.io_bound(side.subject.mind.recall, self.points)
+            recalls = (*recalls, made) if made is not None else recalls
+        if number != self._latest:
+            return
         digits = self.sides[0].map.frame().digits
         for side, recall in zip(self.sides, recalls, strict=False):
             side.present(recall, digits)
@@ -167,6 +171,12 @@ class Tab:
         points = np.array(self.drawing) if self.drawing else self.points
         for side in self.sides:
             side.map.redraw(points, self)
+
+    def go_beside(self, name: str) -> None:
+        """Open the page anew, where it is, with another memory beside or, by `shelf.NONE`, without."""
+        if name == NONE and not self.exhibit.shelf.beside:
+            name = ""
+        ui.navigate.to(Place(self.points, name, self.look.view, self.look.colour).address())
 
     async def back(self) -> None:
         """Go back to where we were before."""

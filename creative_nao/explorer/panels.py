@@ -109,7 +109,8 @@ def keep(tab: Tab, note: str = "") -> None:
     """Keep the movement shown as a favourite."""
     if tab.recall is not None:
         points = tuple((float(x), float(y)) for x, y in tab.points)
-        _changed(tab, tab.exhibit.session.add, Favourite(tab.key, points, note[:MAX_NOTE]))
+        beside = tab.sides[1].subject.name if len(tab.sides) > 1 else ""
+        _changed(tab, tab.exhibit.session.add, Favourite(tab.key, points, note[:MAX_NOTE], beside))
 
 
 def _changed(tab: Tab, change: Callable[[Favourite], None], favourite: Favourite) -> bool:
@@ -140,6 +141,11 @@ def favourites(tab: Tab) -> None:
         keep(tab, note.value or "")
         note.value = ""
 
+    async def recall(favourite: Favourite) -> None:
+        await tab.show(np.array(favourite.points))
+        if favourite.beside in tab.exhibit.shelf.names and favourite.beside != tab.beside:
+            tab.go_beside(favourite.beside)
+
     @ui.refreshable
     def listed() -> None:
         with ui.row().classes("gap-2"):
@@ -147,8 +153,8 @@ def favourites(tab: Tab) -> None:
                 with ui.card().classes("p-1 gap-0 items-center"):
                     picture = ui.image(thumbnail(tab.mind, favourite.points)).classes("w-24 h-14 cursor-pointer")
                     picture.props('tabindex=0 role=button aria-label="Recall a favourite"').on(
-                        "click", lambda _, one=favourite: tab.show(np.array(one.points))
-                    ).on("keydown.enter", lambda _, one=favourite: tab.show(np.array(one.points)))
+                        "click", lambda _, one=favourite: recall(one)
+                    ).on("keydown.enter", lambda _, one=favourite: recall(one))
                     ui.label(favourite.note or " ").classes("text-xs max-w-24 truncate")
                     ui.button("Remove", on_click=lambda _, one=favourite: forget(one)).props(
                         "flat dense no-caps size=sm"

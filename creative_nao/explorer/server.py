@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import socket
 
-from nicegui import app, ui
+from nicegui import app, run, ui
 
 from creative_nao.errors import SettingsError
 from creative_nao.explorer.address import place_of
@@ -15,13 +15,21 @@ from creative_nao.explorer.security import LOCAL_HOSTS, LocalOnly
 RECONNECT_S = 30.0
 """How long a tab that has gone quiet, such as a sleeping laptop's, is waited for before its memory is freed."""
 
+ANSWER_S = 60.0
+"""How long a page may take to be built: a second memory has to be loaded and its coarse map made."""
+
 
 def mount(exhibit: Exhibit) -> None:
     """Register the page. Importing registers nothing."""
 
-    @ui.page("/")
-    def page(x: str = "0", y: str = "0", path: str = "", view: str = "", colour: str = "") -> None:
-        tab = Tab(exhibit, place_of(x, y, path, view=view, colour=colour))
+    @ui.page("/", response_timeout=ANSWER_S)
+    async def page(
+        x: str = "0", y: str = "0", path: str = "", beside: str = "", view: str = "", colour: str = ""
+    ) -> None:
+        place = place_of(x, y, path, beside, view, colour)
+        second = place.beside or exhibit.shelf.beside
+        wanted = second in exhibit.shelf.names and second != exhibit.shelf.first.name
+        tab = Tab(exhibit, place, await run.io_bound(exhibit.shelf.get, second) if wanted else None)
         tab.build()
         ui.timer(0, tab.open, once=True)
 
@@ -54,8 +62,7 @@ def serve(exhibit: Exhibit, *, host: str, port: int, show: bool) -> None:
     mount(exhibit)
     if host in LOCAL_HOSTS:
         app.add_middleware(LocalOnly)
-    for subject in exhibit.subjects:
-        subject.charting.start()
+    exhibit.shelf.start()
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(
             host=host, port=port, show=show, reload=False, show_welcome_message=False, title="Memory explorer",

@@ -25,11 +25,12 @@ MAX_NOTE = 300
 
 @dataclass(frozen=True)
 class Favourite:
-    """A movement to come back to: its memory's content hash, its points and a note."""
+    """A movement to come back to: its memory's content hash, its points, a note, and which memory stood beside."""
 
     memory: str
     points: tuple[tuple[float, float], ...]
     note: str = ""
+    beside: str = ""
 
     def __post_init__(self) -> None:
         """Check the fields, which may come from a file."""
@@ -37,7 +38,7 @@ class Favourite:
         fits = points.ndim == 2 and points.shape[1:] == (2,) and 1 <= len(points) <= MAX_POINTS
         if not fits or points.dtype.kind not in "fi" or not (np.abs(points) <= 1).all():
             raise SettingsError("`points` of a favourite should be 1 to 200 pairs of numbers in [-1, 1]")
-        for field, longest in (("note", MAX_NOTE), ("memory", LONGEST_NAME)):
+        for field, longest in (("note", MAX_NOTE), ("memory", LONGEST_NAME), ("beside", LONGEST_NAME)):
             text = getattr(self, field)
             if not isinstance(text, str) or len(text) > longest or not is_writable(text):
                 raise SettingsError(f"`{field}` of a favourite should be text of at most {longest} characters")
@@ -99,11 +100,10 @@ def _read(path: Path) -> list[Favourite]:
     found.version("format_version", FORMAT_VERSION)
     favourites = []
     for told in found.objects("favourites"):
-        told.only(("memory", "points", "note"))
+        told.only(("memory", "points", "note", "beside"))
+        points, beside = tuple(told.listed("points", MAX_POINTS)), told.text("beside") if "beside" in told else ""
         try:
-            favourites.append(
-                Favourite(told.text("memory"), tuple(told.listed("points", MAX_POINTS)), told.text("note", MAX_NOTE))
-            )
+            favourites.append(Favourite(told.text("memory"), points, told.text("note", MAX_NOTE), beside))
         except FileFormatError:
             raise
         except (ValueError, TypeError, OverflowError) as error:

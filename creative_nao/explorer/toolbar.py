@@ -8,6 +8,7 @@ from nicegui import ui
 
 from creative_nao.explorer.colours import NAMES, is_of_body
 from creative_nao.explorer.map_pane import KEYS_HELP
+from creative_nao.explorer.shelf import NONE
 from creative_nao.explorer.view import ALL
 
 if TYPE_CHECKING:
@@ -28,6 +29,10 @@ class Toolbar:
         """Lay the bar out."""
         tab = self._tab
         with ui.row().classes("items-center gap-2 w-full cn-toolbar"):
+            names = [NONE, *(name for name in tab.exhibit.shelf.names if name != tab.sides[0].subject.name)]
+            second = tab.sides[1].subject.name if len(tab.sides) > 1 else NONE
+            self.beside = ui.select(names, value=second, label="Beside it", on_change=self._chosen)
+            self.beside.props("dense options-dense").classes("w-28")
             self.colour = ui.select(self._colours(), value=tab.look.colour, label="Colour", on_change=self._recoloured)
             self.colour.props("dense options-dense").classes("w-44")
             for text, label, factor in (("+", "Zoom in", STEP), ("\N{MINUS SIGN}", "Zoom out", 1 / STEP)):
@@ -70,6 +75,9 @@ class Toolbar:
         self.progress.value = round(share or 0.0, 2)
         if share is None:
             self._poll.active = False
+
+    def _chosen(self) -> None:
+        self._tab.go_beside(str(self.beside.value))
 
     def _colours(self) -> dict[str, str]:
         embodied = any(side.subject.physical is not None for side in self._tab.sides)

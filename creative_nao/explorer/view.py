@@ -105,7 +105,7 @@ class View:
 
     def zoomed(self, factor: float, around: Sequence[float]) -> View | None:
         """Return the view `factor` times nearer round a PB point that keeps its place; None is the whole map."""
-        width = max(self.width / factor, SMALLEST)
+        width = max(min(self.width, ALL) / factor, SMALLEST)
         if width >= ALL:
             return None
 

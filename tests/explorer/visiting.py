@@ -24,11 +24,11 @@ def free_port():
 class Server:
     """`creative-nao explore` on a free port; a small map, a cache and a session of its own."""
 
-    def __init__(self, folder, port=None, words=()):
+    def __init__(self, folder, port=None, words=(), memories=("half/0",)):
         self.port = port or free_port()
         self.url = f"http://127.0.0.1:{self.port}/"
         self.log = folder / "server.log"
-        command = [sys.executable, "-m", "creative_nao", "explore", "half/0", "--no-open", "--port", str(self.port)]
+        command = [sys.executable, "-m", "creative_nao", "explore", *memories, "--no-open", "--port", str(self.port)]
         command += ["--resolution", "30", "--session", str(folder / "session.json"), *words]
         environment = {**os.environ, "CREATIVE_NAO_CACHE": str(folder / "cache")}
         environment.pop("NICEGUI_SCREEN_TEST_PORT", None)
