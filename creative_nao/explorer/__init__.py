@@ -7,8 +7,9 @@
 - `Subject`: a memory with all that is known of it (`subject.py`); `Shelf`: those that can be shown (`shelf.py`).
 - `Body`: the robot as a tree of shapes for the browser, and its performances as clips (`body.py`).
 - `curves_svg`: the eight joints over time (`curves.py`); `describe`: scores in words (`words.py`).
-- `map_pane.py` and `side.py` show one memory, `look.py` what all maps of a tab have in common, `toolbar.py` and `panels.py`
-  the controls; `page.py` puts them together for one browser tab, `layout.py` says where they stand, `server.py` serves it, `security.py` keeps strangers out.
+- `map_pane.py` and `side.py` show one memory, `look.py` what all maps of a tab have in common, `toolbar.py` and
+  `panels.py` the controls; `page.py` puts them together for one browser tab, `layout.py` says where they stand.
+- `server.py` serves the page, `security.py` keeps strangers out.
 - `static_page`: the same as one file that needs no server (`static_export.py`).
 
 Only what stands on the page needs the extra `explore`.
