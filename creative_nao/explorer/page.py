@@ -18,6 +18,7 @@ from creative_nao.explorer.look import Look
 from creative_nao.explorer.map_pane import MapPane, as_pixel
 from creative_nao.explorer.map_view import Mark
 from creative_nao.explorer.mind import Mind, Recall, as_coordinate
+from creative_nao.explorer.robot_view import player_controls
 from creative_nao.explorer.session import MAX_POINTS, Session
 from creative_nao.explorer.shelf import NONE, Shelf
 from creative_nao.explorer.side import Side
@@ -98,19 +99,13 @@ class Tab:
         self.toolbar.build()
         (layout.alone if len(self.sides) == 1 else layout.twin)(self)
         self.status = self.sides[0].status
-        self.client.on_delete(self.look.call_off)
         if not all(side.subject.charting.finished.is_set() for side in self.sides):
             self.poll = ui.timer(1.0, self._finer)
 
     def build_player(self) -> None:
         """Lay out what plays the robots."""
         with ui.row().classes("w-full items-center gap-2"):
-            for what in ("Play", "Loop", "Speed"):
-                ui.button(what).props(f"dense no-caps outline data-player={what.lower()}")
-            ui.element("input").classes("cn-scrub").props(
-                'type=range min=0 max=1000 value=0 data-player=scrub aria-label="Time"'
-            )
-            ui.element("span").props("data-player=clock").classes("text-sm")
+            player_controls()
             self.physics = ui.switch("Physics", on_change=lambda: self.show(self.points, keep=False))
             ui.switch("Ghost of the nearest", value=True, on_change=self._ghosts)
 
@@ -125,6 +120,12 @@ class Tab:
             ui.button("Go", on_click=self._typed).props("dense no-caps")
         panels.discovery(self)
         panels.exchange(self)
+
+    def close(self) -> None:
+        """End the tab's work and let go of what it holds; what is still being computed is not shown any more."""
+        self.look.call_off()
+        self._latest = next(self._numbers)
+        self.marks, self.trail, self.drawing = [], [], []
 
     async def open(self) -> None:
         """Show what the address asks for."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -68,12 +69,17 @@ def exchange(tab: Tab) -> None:
                 ui.notify(change)
             ui.download.content(made[1], made[0])
 
+    weakly = weakref.ref(tab)  # the web framework keeps handlers of uploads in a cache that outlives the page
+
     async def receive(event: events.UploadEventArguments) -> None:
+        here = weakly()
+        if here is None:
+            return
         try:
             content = await event.file.read()
-            await _recognise(tab, event.file.name, content)
+            await _recognise(here, event.file.name, content)
         except CreativeNaoError as error:
-            tab.status.text = f"Not a movement: {error}"
+            here.status.text = f"Not a movement: {error}"
         finally:
             upload.reset()
 
@@ -146,9 +152,9 @@ def favourites(tab: Tab) -> None:
         if favourite.beside in tab.exhibit.shelf.names and favourite.beside != tab.beside:
             tab.go_beside(favourite.beside)
 
-    @ui.refreshable
     def listed() -> None:
-        with ui.row().classes("gap-2"):
+        shelf.clear()
+        with shelf:
             for favourite in tab.exhibit.session.favourites(tab.key)[-24:]:
                 with ui.card().classes("p-1 gap-0 items-center"):
                     picture = ui.image(thumbnail(tab.mind, favourite.points)).classes("w-24 h-14 cursor-pointer")
@@ -166,5 +172,6 @@ def favourites(tab: Tab) -> None:
         ui.button("Keep as favourite", on_click=add).props("dense no-caps outline")
         undo = ui.button("Undo removal", on_click=restore).props("dense no-caps flat")
         undo.set_visibility(False)
-    tab.refresh_favourites = listed.refresh
+    shelf = ui.row().classes("gap-2")  # no `ui.refreshable`: it would hold the last tab for ever
+    tab.refresh_favourites = listed
     listed()

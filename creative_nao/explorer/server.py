@@ -11,6 +11,7 @@ from creative_nao.errors import SettingsError
 from creative_nao.explorer.address import place_of
 from creative_nao.explorer.page import Exhibit, Tab
 from creative_nao.explorer.security import LOCAL_HOSTS, LocalOnly
+from creative_nao.explorer.tabs import Tabs
 
 RECONNECT_S = 30.0
 """How long a tab that has gone quiet, such as a sleeping laptop's, is waited for before its memory is freed."""
@@ -19,8 +20,9 @@ ANSWER_S = 60.0
 """How long a page may take to be built: a second memory has to be loaded and its coarse map made."""
 
 
-def mount(exhibit: Exhibit) -> None:
-    """Register the page. Importing registers nothing."""
+def mount(exhibit: Exhibit) -> Tabs:
+    """Register the page and return the register of its open tabs. Importing registers nothing."""
+    tabs = Tabs()
 
     @ui.page("/", response_timeout=ANSWER_S)
     async def page(
@@ -30,8 +32,12 @@ def mount(exhibit: Exhibit) -> None:
         second = place.beside or exhibit.shelf.beside
         wanted = second in exhibit.shelf.names and second != exhibit.shelf.first.name
         tab = Tab(exhibit, place, await run.io_bound(exhibit.shelf.get, second) if wanted else None)
+        if not tabs.admits(tab):
+            return
         tab.build()
         ui.timer(0, tab.open, once=True)
+
+    return tabs
 
 
 def claim_port(host: str, port: int) -> None:

@@ -2,36 +2,22 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nicegui import run, ui
-from nicegui.elements.scene.scene_object3d import Object3D
 
 from creative_nao.explorer.attribution_strip import strip_html
 from creative_nao.explorer.body import angles_message
 from creative_nao.explorer.curves import curves_svg
 from creative_nao.explorer.map_pane import MapPane
 from creative_nao.explorer.mind import Recall
+from creative_nao.explorer.robot_view import robot_scene
 from creative_nao.explorer.stage import Stage
 from creative_nao.explorer.subject import Subject
 from creative_nao.explorer.words import describe
 
 if TYPE_CHECKING:
     from creative_nao.explorer.page import Tab
-
-STATIC = Path(__file__).with_name("static")
-
-
-class RobotView(Object3D, component=STATIC / "robot.js"):
-    """The robot in the scene of a tab."""
-
-    def __init__(self, description: dict[str, Any]) -> None:
-        super().__init__(description)
-
-    def perform(self, movement: dict[str, Any], ghost: dict[str, Any] | None) -> None:
-        """Let the browser play a movement, with the nearest basic action as a ghost."""
-        self.run_method("perform", movement, ghost)
 
 
 class Side:
@@ -53,18 +39,8 @@ class Side:
 
     def build_robot(self, stage: Stage) -> None:
         """Lay the robot out."""
-        with ui.element("div").classes("cn-scene"):
-            ui.label("The robot needs WebGL. Without it, the sentence and the curves below still tell all.").classes(
-                "cn-behind"
-            )
-            camera = ui.scene.perspective_camera(fov=50)
-            scene = ui.scene(grid=False, fps=240, background_color="#c9d3de", camera=camera).classes("w-full h-full")
-            label = f"The robot performing the movement of memory {self.subject.name}".replace('"', "'")
-            scene.props(f'role=img aria-label="{label}"')
-            with scene:
-                self.robot = RobotView(stage.body.description())
-            scene.move_camera(x=0.62, y=-0.6, z=0.52, look_at_x=0.08, look_at_y=0, look_at_z=0.33, duration=0)
-            scene.on("init", self.replay)
+        label = f"The robot performing the movement of memory {self.subject.name}"
+        self.robot = robot_scene(stage.body, self.replay, label)
 
     def build_told(self) -> None:
         """Lay out what is told of the movement in words and curves."""

@@ -33,6 +33,7 @@ def train_network(
     checkpoint: str | os.PathLike[str] | None = None,
     checkpoint_interval: int = 5000,
     resume: bool = False,
+    state: TrainingState | None = None,
     progress: Progress | None = None,
     stop: threading.Event | None = None,
     command: str | None = None,
@@ -47,6 +48,7 @@ def train_network(
             interrupted.
         checkpoint_interval: Epochs between two checkpoints.
         resume: Go on from `checkpoint` if it is there; the result has the same bits as an uninterrupted run.
+        state: Go on from this state of the same training, which is advanced in place; instead of `resume`.
         progress: Called with the settings and the state every `CHUNK_EPOCHS` epochs.
         stop: When set, training saves its checkpoint and raises KeyboardInterrupt.
         command: For the memory's record; default: the running command.
@@ -60,8 +62,7 @@ def train_network(
         raise SettingsError(f"`checkpoint_interval` should be at least 1, but is {checkpoint_interval}")
     encoding = encoding_of(demonstrations, network)
     codes, lengths = target_codes(demonstrations.trajectories, encoding.encode)
-    state = None
-    if resume and checkpoint is not None and Path(checkpoint).exists():
+    if state is None and resume and checkpoint is not None and Path(checkpoint).exists():
         state = load_checkpoint(checkpoint, demonstrations, network, training)
     if state is None:
         state = TrainingState.initial(network, encoding.n_codes, demonstrations.n_actions, training.seed)
@@ -89,17 +90,18 @@ def train_network(
     except BaseException:
         save()
         raise
-    return _memory(demonstrations, network, training, state, encoding.n_codes, command)
+    return memory_at(demonstrations, network, training, state, command)
 
 
-def _memory(
+def memory_at(
     demonstrations: Demonstrations,
     network: NetworkSettings,
     training: TrainingSettings,
     state: TrainingState,
-    n_codes: int,
-    command: str | None,
+    command: str | None = None,
 ) -> Memory:
+    """Return the memory that a training would leave if it ended in this state, with the best epoch so far."""
+    n_codes = demonstrations.n_joints * network.n_softmax_units
     shapes = parameter_shapes(network, n_codes, demonstrations.n_actions)
     every = -(-state.epoch // MAX_CURVE_POINTS)
     settings = {"network": dataclasses.asdict(network), "training": dataclasses.asdict(training)}

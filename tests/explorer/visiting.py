@@ -24,22 +24,29 @@ def free_port():
 class Server:
     """`creative-nao explore` on a free port; a small map, a cache and a session of its own."""
 
+    pipe = None
+
     def __init__(self, folder, port=None, words=(), memories=("half/0",)):
         self.port = port or free_port()
         self.url = f"http://127.0.0.1:{self.port}/"
         self.log = folder / "server.log"
-        command = [sys.executable, "-m", "creative_nao", "explore", *memories, "--no-open", "--port", str(self.port)]
-        command += ["--resolution", "30", "--session", str(folder / "session.json"), *words]
         environment = {**os.environ, "CREATIVE_NAO_CACHE": str(folder / "cache")}
         environment.pop("NICEGUI_SCREEN_TEST_PORT", None)
         environment.pop("PYTEST_CURRENT_TEST", None)
         with open(self.log, "wb") as log:
-            self.process = subprocess.Popen(command, env=environment, stdout=log, stderr=log, cwd=folder)
+            self.process = subprocess.Popen(
+                self.command(folder, words, memories), env=environment, stdin=self.pipe, stdout=self.pipe or log,
+                stderr=log, cwd=folder,
+            )  # fmt: skip
         deadline = time.monotonic() + 90
         while not self.answers():
             assert self.process.poll() is None, self.log.read_text()
             assert time.monotonic() < deadline, self.log.read_text()
             time.sleep(0.1)
+
+    def command(self, folder, words, memories):
+        command = [sys.executable, "-m", "creative_nao", "explore", *memories, "--no-open", "--port", str(self.port)]
+        return [*command, "--resolution", "30", "--session", str(folder / "session.json"), *words]
 
     def answers(self):
         try:
