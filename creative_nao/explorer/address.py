@@ -23,12 +23,14 @@ class Place:
         beside: Name of the second memory, or empty.
         view: Window of the map; None is the whole map.
         colour: What the colours of the map tell.
+        taught: Name of the apprentice whose memory is the first one, or empty.
     """
 
     points: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
     beside: str = ""
     view: View | None = None
     colour: str = NEAREST
+    taught: str = ""
 
     def address(self) -> str:
         """Return the page's address that shows the same again."""
@@ -42,6 +44,8 @@ class Place:
             parts.append(f"view={self.view.left:.7g},{self.view.bottom:.7g},{self.view.width:.7g}")
         if self.colour != NEAREST:
             parts.append(f"colour={self.colour}")
+        if self.taught:
+            parts.append(f"taught={quote(self.taught)}")
         return "/?" + "&".join(parts)
 
 

@@ -22,8 +22,8 @@ def curves_svg(recall: Recall, mind: Mind) -> str:
     share = (len(recall.trajectory) - 1) / (n_ticks - 1)
     panels = []
     for joint in ORDER:
-        parts = [_frame(joint), _line(basic[:, joint], n_ticks, "cn-basic")]
-        parts.append(_line(recall.trajectory[:, joint], n_ticks, "cn-made"))
+        parts = [frame(joint), polyline(basic[:, joint], n_ticks, "cn-basic")]
+        parts.append(polyline(recall.trajectory[:, joint], n_ticks, "cn-made"))
         fast = recall.speeds[:, joint] > mind.limit_rad_s[joint] * (1 + 1e-12)
         parts += [_overspeed(recall.trajectory[t : t + 2, joint], int(t), n_ticks) for t in np.flatnonzero(fast)]
         shift = f"translateX(calc(var(--robot-t, 0) * {PANEL_W * share:.1f}px))"
@@ -42,26 +42,32 @@ def curves_svg(recall: Recall, mind: Mind) -> str:
     return f'<div class="cn-curves">{"".join(panels)}</div><div class="cn-legend">{legend}</div>'
 
 
-def _frame(joint: int) -> str:
+def frame(joint: int) -> str:
+    """Return name, box, limits and ticks of a joint's panel."""
     name = JOINTS[joint]
     lines = [
         f'<text class="cn-name" x="0" y="-4">{name}</text>',
         f'<rect class="cn-panel" width="{PANEL_W}" height="{PANEL_H}"/>',
-        *(f'<line class="cn-limit" x2="{PANEL_W}" y1="{_y(v):.1f}" y2="{_y(v):.1f}"/>' for v in LIMITS_RAD[name]),
-        *(f'<text class="cn-tick" x="-4" y="{_y(v) + 3:.1f}" text-anchor="end">{v}</text>' for v in (-2, 0, 2)),
+        *(
+            f'<line class="cn-limit" x2="{PANEL_W}" y1="{height_of(v):.1f}" y2="{height_of(v):.1f}"/>'
+            for v in LIMITS_RAD[name]
+        ),
+        *(f'<text class="cn-tick" x="-4" y="{height_of(v) + 3:.1f}" text-anchor="end">{v}</text>' for v in (-2, 0, 2)),
     ]
     return "".join(lines)
 
 
-def _y(angle: float) -> float:
+def height_of(angle: float) -> float:
+    """Return where an angle [rad] lies in a panel, from its top."""
     return PANEL_H * (HIGH_RAD - angle) / (HIGH_RAD - LOW_RAD)
 
 
 def _points(angles: np.ndarray, first: int, n_ticks: int) -> str:
-    return " ".join(f"{PANEL_W * (first + k) / (n_ticks - 1):.1f},{_y(a):.1f}" for k, a in enumerate(angles))
+    return " ".join(f"{PANEL_W * (first + k) / (n_ticks - 1):.1f},{height_of(a):.1f}" for k, a in enumerate(angles))
 
 
-def _line(angles: np.ndarray, n_ticks: int, kind: str) -> str:
+def polyline(angles: np.ndarray, n_ticks: int, kind: str) -> str:
+    """Return the angles of one joint [rad], shape (n,), as a line of a class."""
     return f'<polyline class="{kind}" points="{_points(angles, 0, n_ticks)}"/>'
 
 

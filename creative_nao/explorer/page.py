@@ -43,6 +43,8 @@ class Exhibit:
     session: Session
     crowd: np.ndarray | None = None
     """Points of a run folder's agents, shape (n, 2)."""
+    taught: str = ""
+    """Name of the apprentice that the memory is of, if it was taught in the page."""
 
     @property
     def mind(self) -> Mind:
@@ -164,7 +166,7 @@ class Tab:
 
     def remember(self) -> None:
         """Write into the address where we are."""
-        address = Place(self.points, self.beside, self.look.view, self.look.colour).address()
+        address = Place(self.points, self.beside, self.look.view, self.look.colour, self.exhibit.taught).address()
         self.client.run_javascript(f'history.replaceState({{}}, "", {json.dumps(address)})')
 
     def redraw(self) -> None:
@@ -177,7 +179,7 @@ class Tab:
         """Open the page anew, where it is, with another memory beside or, by `shelf.NONE`, without."""
         if name == NONE and not self.exhibit.shelf.beside:
             name = ""
-        ui.navigate.to(Place(self.points, name, self.look.view, self.look.colour).address())
+        ui.navigate.to(Place(self.points, name, self.look.view, self.look.colour, self.exhibit.taught).address())
 
     async def back(self) -> None:
         """Go back to where we were before."""

@@ -10,8 +10,10 @@ from nicegui import app, run, ui
 from creative_nao.errors import SettingsError
 from creative_nao.explorer.address import place_of
 from creative_nao.explorer.page import Exhibit, Tab
+from creative_nao.explorer.school import School
 from creative_nao.explorer.security import LOCAL_HOSTS, LocalOnly
 from creative_nao.explorer.tabs import Tabs
+from creative_nao.explorer.teach_page import TeachTab
 
 RECONNECT_S = 30.0
 """How long a tab that has gone quiet, such as a sleeping laptop's, is waited for before its memory is freed."""
@@ -20,18 +22,30 @@ ANSWER_S = 60.0
 """How long a page may take to be built: a second memory has to be loaded and its coarse map made."""
 
 
-def mount(exhibit: Exhibit) -> Tabs:
+def mount(started: Exhibit) -> Tabs:
     """Register the page and return the register of its open tabs. Importing registers nothing."""
-    tabs = Tabs()
+    tabs, school = Tabs(), School()
 
     @ui.page("/", response_timeout=ANSWER_S)
     async def page(
-        x: str = "0", y: str = "0", path: str = "", beside: str = "", view: str = "", colour: str = ""
+        x: str = "0", y: str = "0", path: str = "", beside: str = "", view: str = "", colour: str = "", taught: str = ""
     ) -> None:
+        desk = school.hold(taught)
+        exhibit = started if desk is None or desk.exhibit is None else desk.exhibit
         place = place_of(x, y, path, beside, view, colour)
         second = place.beside or exhibit.shelf.beside
         wanted = second in exhibit.shelf.names and second != exhibit.shelf.first.name
         tab = Tab(exhibit, place, await run.io_bound(exhibit.shelf.get, second) if wanted else None)
+        if not tabs.admits(tab, lambda: school.let_go(taught)):
+            return
+        if taught and exhibit is started:
+            ui.notify("The memory taught in the page is gone; this is the server's own.", type="warning")
+        tab.build()
+        ui.timer(0, tab.open, once=True)
+
+    @ui.page("/teach", title="Teach the robot")
+    def teach(taught: str = "") -> None:
+        tab = TeachTab(started, school, taught)
         if not tabs.admits(tab):
             return
         tab.build()

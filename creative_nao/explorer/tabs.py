@@ -6,6 +6,7 @@ gave it up. A page that was asked for and never connected ends after a minute.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from nicegui import ui
@@ -31,15 +32,19 @@ class Tabs:
     def __len__(self) -> int:
         return len(self._kept)
 
-    def admits(self, kept: Kept) -> bool:
-        """Keep what belongs to the tab being built until the tab goes; with too many open, say so in it instead."""
+    def admits(self, kept: Kept, *ends: Callable[[], object]) -> bool:
+        """Keep what belongs to the tab being built until it goes, then call `ends`; too many are told so instead."""
         if len(self._kept) >= MAX_TABS:
+            for end in ends:
+                end()
             ui.label(f"{MAX_TABS} tabs are open. Close some, wait a minute and reload this page.")
             return False
         client = ui.context.client
         key = client.id
         self._kept[key] = kept
         client.on_delete(lambda: self._release(key))
+        for end in ends:
+            client.on_delete(end)
         return True
 
     def _release(self, key: str) -> None:

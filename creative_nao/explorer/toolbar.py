@@ -42,6 +42,8 @@ class Toolbar:
             ui.button("Whole map", on_click=lambda: tab.look_at(None, tab.look.colour)).props("dense no-caps outline")
             self.note = ui.label("").props("aria-live=polite").classes("cn-note text-sm")
             ui.space()
+            taught = tab.exhibit.taught
+            ui.link("Teach", f"/teach?taught={taught}" if taught else "/teach").classes("px-2")
             ui.button("Keys", on_click=lambda: ui.notify(KEYS_HELP)).props("flat no-caps dense")
             ui.button("Dark / light", on_click=tab.theme).props("flat no-caps dense")
         self.progress = ui.linear_progress(0, show_value=False, size="3px").classes("cn-progress")

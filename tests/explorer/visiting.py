@@ -75,17 +75,22 @@ class Visit:
     MOVED = f"(before) => {{ const now = ({POSE})(); return now.length && "
     MOVED += "Math.max(...now.map((value, k) => Math.abs(value - before[k]))) > 0.02 }"
 
-    def __init__(self, browser, url, **options):
+    def __init__(self, browser, url, ready="novelty", **options):
         self.context = browser.new_context(viewport={"width": 1280, "height": 1000}, **options)
         self.page = self.context.new_page()
         self.requests, self.errors = [], []
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.goto(url)
-        self.page.wait_for_function("document.querySelector('[role=status]')?.textContent.includes('novelty')")
+        self.page.wait_for_function(
+            "(text) => document.querySelector('[role=status]')?.textContent.includes(text)", arg=ready
+        )
 
     def wait_for_robot(self):
         self.page.wait_for_function(f"({self.POSE})().length === 16 && window.robotPlayer.duration > 0")
+
+    def wait_for_pose(self):
+        self.page.wait_for_function(f"({self.POSE})().length === 16 && [...window.robotPlayer.robots][0]?.movement")
 
     @property
     def status(self):

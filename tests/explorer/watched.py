@@ -23,9 +23,9 @@ def main(port, folder, patience_s):
         make(self)
         registers.append(self)
 
-    def watched(self, kept):
+    def watched(self, kept, *ends):
         born.append(weakref.ref(kept))
-        return admits(self, kept)
+        return admits(self, kept, *ends)
 
     server.Tabs.__init__, server.Tabs.admits = remembered, watched
 
@@ -33,6 +33,7 @@ def main(port, folder, patience_s):
         for _ in sys.stdin:
             gc.collect()
             found = {"born": len(born), "kept": sum(map(len, registers)), "alive": sum(r() is not None for r in born)}
+            found["learning"] = sum(thread.name == "apprentice" for thread in threading.enumerate())
             sys.stdout.write(json.dumps(found) + "\n")
             sys.stdout.flush()
 
