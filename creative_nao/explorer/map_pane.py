@@ -10,7 +10,7 @@ from nicegui import events, run, ui
 from creative_nao.explorer.colours import NEAREST, Chart, Scale, figure_of_body, is_number, is_of_body, scale_label
 from creative_nao.explorer.finer import Sheet
 from creative_nao.explorer.legend import legend_html
-from creative_nao.explorer.map_view import map_picture, overlay
+from creative_nao.explorer.map_view import map_address, overlay
 from creative_nao.explorer.subject import Subject
 from creative_nao.explorer.view import SIZE, View, cell_of
 from creative_nao.explorer.words import BODY_WORDS, OUTCOME_WORDS, spoken
@@ -54,7 +54,7 @@ class MapPane:
     def build(self, tab: Tab) -> None:
         """Lay it out; what is done to it goes to the tab."""
         chart = self.subject.charting.chart
-        picture = map_picture(chart, view=self.frame())
+        picture = map_address(chart, view=self.frame())
         self._painted: tuple[Chart, str, View, tuple[float, float] | None] = (chart, NEAREST, self.frame(), None)
         self.image = ui.interactive_image(picture, events=["pointerdown", "pointermove", "pointerup"])
         label = f"Map of the PB space of memory {self.subject.name}: {KEYS_HELP}".replace('"', "'")
@@ -109,7 +109,7 @@ class MapPane:
         painted = (material.chart, asked, frame, span)
         if painted[0] is self._painted[0] and painted[1:] == self._painted[1:]:
             return
-        picture = await run.io_bound(map_picture, material.chart, material.colour, frame, material.values, span)
+        picture = await run.io_bound(map_address, material.chart, material.colour, frame, material.values, span)
         if picture is None or self.image.is_deleted or frame != self.frame():
             return
         self._painted = painted
