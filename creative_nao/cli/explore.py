@@ -121,7 +121,7 @@ def _write_page(settings: ExploreSettings, target: Path) -> int:
         raise SettingsError(f"--html should end in .html, but is {target}")
     if len(settings.memories) > 1:
         raise SettingsError(f"--html writes one memory, but got {' and '.join(settings.memories)}")
-    name = settings.memories[0]
+    name = next(iter(settings.memories))
     written = write_page(load_memory(name), target, settings.resolution)
     print(f"written: {written}, {written.stat().st_size / 1e6:.1f} MB; it opens by double click, without a network")  # noqa: T201
     return 0

@@ -46,6 +46,7 @@ class TeachTab:
         self.training = TrainingPanel(self, exhibit, school, taught)
         self.editor = Editor(self)
         self.closed = False
+        self._opened = False
 
     @property
     def draft(self) -> Draft:
@@ -93,6 +94,7 @@ class TeachTab:
     async def open(self) -> None:
         """Take up the notebook that the browser kept for this tab."""
         kept = await ui.run_javascript(f"sessionStorage.getItem('{_KEPT_AS}')", timeout=20)
+        self._opened = True  # only now may what the browser keeps be replaced
         if not kept or self.closed:
             return
         try:
@@ -132,7 +134,7 @@ class TeachTab:
         self.curves.content = draft_svg(self.draft, self.key)
         self.training.notebook_changed()
         text = self.notebook.to_text()
-        if len(text) <= MAX_TEXT:
+        if self._opened and len(text) <= MAX_TEXT:
             ui.run_javascript(f"sessionStorage.setItem('{_KEPT_AS}', {json.dumps(text)})")
 
     def pose(self) -> None:

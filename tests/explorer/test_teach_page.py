@@ -69,7 +69,8 @@ def test_an_empty_set_becomes_a_demonstration_and_its_mirror_image(teach):
     press(tab, "Empty set")
     tab.says("hardly moves")
     press(tab, "Add key")
-    lower(tab, "RShoulderPitch", 3)
+    for part in ("ShoulderPitch", "ShoulderRoll", "ElbowYaw", "ElbowRoll"):
+        lower(tab, f"R{part}", 2)
     tab.says("a memory needs two demonstrations")
     press(tab, "Add mirror image")
     tab.says(f"2 {FIT}")
