@@ -52,13 +52,13 @@ class NetworkSettings:
         )
         _require(self.n_hidden <= MAX_NEURONS, "layer_sizes", f"at most {MAX_NEURONS} neurons", self.layer_sizes)
         within = all(1 <= c <= MAX_TIME_CONSTANT for c in self.time_constants)
-        _require(within, "time_constants", f"from 1 to {MAX_TIME_CONSTANT:g}", self.time_constants)
+        _require(within, "time_constants", f">= 1 and <= {MAX_TIME_CONSTANT:g}", self.time_constants)
         few = _is_count(self.n_pb) and self.n_pb <= MAX_NEURONS
-        _require(few, "n_pb", f"a whole number from 1 to {MAX_NEURONS}", self.n_pb)
+        _require(few, "n_pb", f"a whole number >= 1 and <= {MAX_NEURONS}", self.n_pb)
         _require(
             _is_count(self.n_softmax_units) and 2 <= self.n_softmax_units <= MAX_NEURONS,
             "n_softmax_units",
-            f"a whole number from 2 to {MAX_NEURONS}",
+            f"a whole number >= 2 and <= {MAX_NEURONS}",
             self.n_softmax_units,
         )
         low, high = SIGMA_RANGE
