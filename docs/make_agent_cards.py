@@ -37,7 +37,7 @@ def draw(runs: Path, names: list[str], chance: dict[str, Score]) -> None:
         for name in (n for n in names if n.endswith("/" + env)):
             run, agent = runs / name.replace("/", "-"), name.split("/")[0]
             ends, rewards = (column(run / "episodes.csv", head) for head in ("n_decisions", "reward"))
-            label, whole = agent.upper(), ends[-1]
+            label, whole = agent.upper(), load_agent(name).header.n_actions_training  # the last episode may end before
             parts = [np.mean(part) for part in np.array_split(rewards, 12)]
             places = [100 * np.mean(part) / whole for part in np.array_split(ends, 12)]
             axis.plot(places, parts, color=COLOURS[agent], label=f"{label}, train memories")
@@ -64,6 +64,8 @@ def card(name: str, chance: Score) -> tuple[str, bool]:
     gain_low, gain_high = np.quantile(by_memory[drawn].mean(axis=1), [0.025, 0.975])
     shares = [one.appropriateness_pct for one in score.episodes if one.appropriateness_pct is not None]
     how = "its likeliest actions" if score.deterministic else "actions drawn from its policy"
+    film = f"images/agents/{name.replace('/', '-')}.gif"
+    shown = f"![Three finds of {name}, one after the other]({film})\n\n" if (DOCS / film).is_file() else ""
     text = f"""## {name}
 
 | | |
@@ -74,7 +76,7 @@ def card(name: str, chance: Score) -> tuple[str, bool]:
 | episodes | {len(score.episodes)}: {len(score.memories)} memories, {len(score.seeds)} seeds; it plays {how} |
 | trained with | {header.n_actions_training} decisions on the train memories |
 
-`{header.command}`
+{shown}`{header.command}`
 """
     return text, bool(gain_low > 0.0)
 
@@ -116,9 +118,13 @@ also chose the weights that were kept; the recorded episodes have other seeds. T
 Intervals are 95 % bootstrap intervals over memories. The agents for `Boxing-v0` were trained in its mental twin and are
 scored in physics.
 
-The training of each took minutes of one core, and none of these agents is tuned. How much of what they learned carries
+The training of each took minutes of one core, and none of these agents is tuned. Those for `BoxingMental-v0` choose
+among cells of the PB space and learned with its axes flipped and swapped ([how](trained_agents.md)); the others have
+the plain policies. How much of what they learned carries
 over to unseen memories is what the second row of each card says; an interval that holds 0 means: not told apart from
-chance. Better than chance beyond doubt: {n_better} of {n_agents}.
+chance. Clips show the three best finds of an episode on half/10, drawn by `docs/make_agent_clips.py`.
+
+Better than chance beyond doubt: {n_better} of {n_agents}.
 
 ![Reward in training and on validation memories](images/agents.png)
 
