@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-NAMESPACE = "CreativeNao"
 ENVIRONMENTS = {
     "CreativeNao/Boxing-v0": "creative_nao.envs.boxing_env:BoxingEnv",
     "CreativeNao/BoxingMental-v0": "creative_nao.envs.mental_env:BoxingMentalEnv",

@@ -136,11 +136,6 @@ class Nao(composer.Entity):
         return [self._mjcf_root.find("actuator", joint) for joint in MOTOR_JOINTS]
 
     @property
-    def arm_actuators(self) -> list[Any]:
-        """The servos of the eight arm joints, in the order of `joints.JOINTS`."""
-        return [self._mjcf_root.find("actuator", joint) for joint in JOINTS]
-
-    @property
     def arm_joints(self) -> list[Any]:
         """The eight arm hinges, in the order of `joints.JOINTS`."""
         return [self._mjcf_root.find("joint", joint) for joint in JOINTS]

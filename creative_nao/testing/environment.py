@@ -14,7 +14,6 @@ from creative_nao.testing.conformance import ConformanceError, demand, same
 
 TERMS = ("outcome", "appropriate", "distance", "known_distance", "nearest_name", "repertoire_size", "reward_novelty")
 """What `info` tells when a movement has been scored."""
-MEASURES = ("appropriateness_pct", "novelty", "diversity")
 
 
 def check_environment(make: str | Callable[[], gym.Env], *, n_actions: int = 3) -> None:
