@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from creative_nao.agents.base import Context
-from creative_nao.agents.checks import at_least, load_extra
+from creative_nao.agents.checks import at_least, load_extra, require_extra
 from creative_nao.agents.movement import MovementAgent
 
 
@@ -34,20 +34,20 @@ class BayesianAgent(MovementAgent):
 
     It models what a single action earned when it was tried. A movement earns less once something like it has joined the
     repertoire, which the model takes for noise.
+
+    Raises:
+        MissingDependencyError: If Optuna is not installed.
     """
 
     name: ClassVar[str] = "bayesian"
     learns_within_episode: ClassVar[bool] = True
 
     def __init__(self, settings: BayesianSettings | None = None):
+        require_extra(package="optuna", extra="bayes", agent=self.name)
         self.settings = settings or BayesianSettings()
 
     def start(self, context: Context) -> None:
-        """Begin with an empty study.
-
-        Raises:
-            MissingDependencyError: If Optuna is not installed.
-        """
+        """Begin with an empty study."""
         super().start(context)
         self._optuna = load_extra("optuna", package="optuna", extra="bayes", agent=self.name)
         space = context.action_space

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from types import ModuleType
 from typing import Any
 
@@ -31,6 +32,21 @@ def positive(settings: Any, *names: str) -> None:
             raise SettingsError(f"`{name}` should be above 0, but is {getattr(settings, name)}")
 
 
+def require_extra(*, package: str, extra: str, agent: str) -> None:
+    """Refuse an agent whose optional package is not installed, without importing it.
+
+    Args:
+        package: What to look for, by the name under which it is imported.
+        extra: The extra of creative-nao that brings it.
+        agent: Which agent needs it.
+
+    Raises:
+        MissingDependencyError: Naming package and extra.
+    """
+    if importlib.util.find_spec(package) is None:
+        raise _missing(package, extra, agent, "it is not installed")
+
+
 def load_extra(module: str, *, package: str, extra: str, agent: str) -> ModuleType:
     """Import a module of an optional package.
 
@@ -46,6 +62,10 @@ def load_extra(module: str, *, package: str, extra: str, agent: str) -> ModuleTy
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise MissingDependencyError(
-            f'agent `{agent}` needs the package `{package}`: pip install "creative-nao[{extra}]" ({error})'
-        ) from error
+        raise _missing(package, extra, agent, error) from error
+
+
+def _missing(package: str, extra: str, agent: str, why: object) -> MissingDependencyError:
+    return MissingDependencyError(
+        f'agent `{agent}` needs the package `{package}`: pip install "creative-nao[{extra}]" ({why})'
+    )

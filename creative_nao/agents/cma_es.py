@@ -9,7 +9,7 @@ import numpy as np
 
 from creative_nao.agents.base import Context
 from creative_nao.agents.batch_search import BatchSearch
-from creative_nao.agents.checks import at_least, load_extra, positive
+from creative_nao.agents.checks import at_least, load_extra, positive, require_extra
 
 
 @dataclass(frozen=True)
@@ -35,19 +35,19 @@ class CmaEsAgent(BatchSearch):
 
     What an action earns falls when something like it has joined the repertoire, so the optimum moves away from where
     the search has been: CMA-ES follows it.
+
+    Raises:
+        MissingDependencyError: If `cmaes` is not installed.
     """
 
     name: ClassVar[str] = "cma_es"
 
     def __init__(self, settings: CmaEsSettings | None = None):
+        require_extra(package="cmaes", extra="search", agent=self.name)
         self.settings = settings or CmaEsSettings()
 
     def prepare(self, context: Context, seed: int) -> None:
-        """Set the distribution up.
-
-        Raises:
-            MissingDependencyError: If `cmaes` is not installed.
-        """
+        """Set the distribution up."""
         cmaes = load_extra("cmaes", package="cmaes", extra="search", agent=self.name)
         low, high = context.action_space.low.astype(np.float64), context.action_space.high.astype(np.float64)
         self._search = cmaes.CMA(

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
 
+from creative_nao.agents.arm_archive import ArmArchiveSearch
 from creative_nao.agents.base import Context
 from creative_nao.agents.checks import at_least, positive
-from creative_nao.agents.descriptors import N_EXCURSIONS, arm_excursions
-from creative_nao.agents.quality_diversity import RibsSearch, bounds
+from creative_nao.agents.quality_diversity import bounds
 
 
 @dataclass(frozen=True)
@@ -38,26 +37,20 @@ class CmaMeSettings:
         positive(self, "sigma", "largest_excursion")
 
 
-class CmaMeAgent(RibsSearch):
+class CmaMeAgent(ArmArchiveSearch[CmaMeSettings]):
     """CMA-ME (Fontaine et al. 2020, arXiv:1912.02400) by pyribs' `GridArchive` and `EvolutionStrategyEmitter`.
 
     A movement ranks first if it fills an empty cell, then by how much it improves one. Movements are sorted by how far
     each arm moves (`descriptors.arm_excursions`).
+
+    Raises:
+        MissingDependencyError: If pyribs is not installed.
     """
 
     name: ClassVar[str] = "cma_me"
 
     def __init__(self, settings: CmaMeSettings | None = None):
-        self.settings = settings or CmaMeSettings()
-
-    def build_archive(self, archives: ModuleType, context: Context, seed: np.random.SeedSequence) -> Any:
-        """Return a grid over the excursions of both arms."""
-        return archives.GridArchive(
-            solution_dim=context.action_space.shape[0],
-            dims=[self.settings.n_cells] * N_EXCURSIONS,
-            ranges=[(0.0, self.settings.largest_excursion)] * N_EXCURSIONS,
-            seed=seed,
-        )
+        super().__init__(settings or CmaMeSettings())
 
     def build_emitter(self, emitters: ModuleType, archive: Any, context: Context, seed: np.random.SeedSequence) -> Any:
         """Return the evolution strategy, ranked by improvement of the archive."""
@@ -71,7 +64,3 @@ class CmaMeAgent(RibsSearch):
             batch_size=self.settings.batch_size,
             seed=seed,
         )
-
-    def describe(self, info: Mapping[str, Any]) -> np.ndarray:
-        """Return how far each arm moves [rad], shape (2,)."""
-        return arm_excursions(info)

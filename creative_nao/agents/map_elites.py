@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
 
+from creative_nao.agents.arm_archive import ArmArchiveSearch
 from creative_nao.agents.base import Context
 from creative_nao.agents.checks import at_least, positive
-from creative_nao.agents.descriptors import N_EXCURSIONS, arm_excursions
-from creative_nao.agents.quality_diversity import RibsSearch, bounds
+from creative_nao.agents.quality_diversity import bounds
 
 
 @dataclass(frozen=True)
@@ -39,25 +38,19 @@ class MapElitesSettings:
         positive(self, "sigma", "largest_excursion")
 
 
-class MapElitesAgent(RibsSearch):
+class MapElitesAgent(ArmArchiveSearch[MapElitesSettings]):
     """MAP-Elites (Mouret and Clune 2015, arXiv:1504.04909) by pyribs' `GridArchive` and `GaussianEmitter`.
 
     Movements are sorted by how far each arm moves (`descriptors.arm_excursions`).
+
+    Raises:
+        MissingDependencyError: If pyribs is not installed.
     """
 
     name: ClassVar[str] = "map_elites"
 
     def __init__(self, settings: MapElitesSettings | None = None):
-        self.settings = settings or MapElitesSettings()
-
-    def build_archive(self, archives: ModuleType, context: Context, seed: np.random.SeedSequence) -> Any:
-        """Return a grid over the excursions of both arms."""
-        return archives.GridArchive(
-            solution_dim=context.action_space.shape[0],
-            dims=[self.settings.n_cells] * N_EXCURSIONS,
-            ranges=[(0.0, self.settings.largest_excursion)] * N_EXCURSIONS,
-            seed=seed,
-        )
+        super().__init__(settings or MapElitesSettings())
 
     def build_emitter(self, emitters: ModuleType, archive: Any, context: Context, seed: np.random.SeedSequence) -> Any:
         """Return the emitter that varies elites drawn from the archive."""
@@ -70,7 +63,3 @@ class MapElitesAgent(RibsSearch):
             batch_size=self.settings.batch_size,
             seed=seed,
         )
-
-    def describe(self, info: Mapping[str, Any]) -> np.ndarray:
-        """Return how far each arm moves [rad], shape (2,)."""
-        return arm_excursions(info)

@@ -12,7 +12,7 @@ from creative_nao.agents.base import Context
 from creative_nao.agents.batch_search import BatchSearch
 from creative_nao.agents.checks import at_least, positive
 from creative_nao.agents.descriptors import mean_postures
-from creative_nao.agents.quality_diversity import bounds, load_ribs
+from creative_nao.agents.quality_diversity import bounds, load_ribs, require_ribs
 from creative_nao.errors import SettingsError
 
 
@@ -51,19 +51,19 @@ class NoveltySearchAgent(BatchSearch):
     Movements are compared by their mean posture in a few stretches of time (`descriptors.mean_postures`). The reward
     plays no part; that a movement is inappropriate does: it counts as none (a minimal criterion, as Lehman and
     Stanley proposed in 2010).
+
+    Raises:
+        MissingDependencyError: If pyribs is not installed.
     """
 
     name: ClassVar[str] = "novelty_search"
 
     def __init__(self, settings: NoveltySearchSettings | None = None):
+        require_ribs(self.name)
         self.settings = settings or NoveltySearchSettings()
 
     def prepare(self, context: Context, seed: int) -> None:
-        """Begin with nothing: the first movements show how many joints the descriptor has.
-
-        Raises:
-            MissingDependencyError: If pyribs is not installed.
-        """
+        """Begin with nothing: the first movements show how many joints the descriptor has."""
         self._parts = load_ribs(self.name)
         self._seeds = np.random.SeedSequence(seed).spawn(2)
         self._scheduler: Any = None

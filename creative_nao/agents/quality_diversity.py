@@ -11,22 +11,24 @@ import numpy as np
 
 from creative_nao.agents.base import Context
 from creative_nao.agents.batch_search import BatchSearch
-from creative_nao.agents.checks import load_extra
+from creative_nao.agents.checks import load_extra, require_extra
 
 
 class RibsSearch(BatchSearch):
-    """Base of the agents whose search is one archive and one emitter of pyribs. A subclass defines `build`.
+    """Base of the agents whose search is one archive and one emitter of pyribs. A subclass defines both.
 
     The objective is what a movement earned when it was tried. It is kept as it was, although the same movement would
     earn nothing a second time: the archive is a record of finds, and its elites are where new movements start from.
+
+    Raises:
+        MissingDependencyError: If pyribs is not installed.
     """
 
-    def prepare(self, context: Context, seed: int) -> None:
-        """Build archive, emitter and scheduler.
+    def __init__(self) -> None:
+        require_ribs(self.name)
 
-        Raises:
-            MissingDependencyError: If pyribs is not installed.
-        """
+    def prepare(self, context: Context, seed: int) -> None:
+        """Build archive, emitter and scheduler."""
         archives, emitters, schedulers = load_ribs(self.name)
         for_archive, for_emitter = np.random.SeedSequence(seed).spawn(2)
         archive = self.build_archive(archives, context, for_archive)
@@ -58,11 +60,20 @@ class RibsSearch(BatchSearch):
         """Return the emitter of `ribs.emitters` that fills `archive`."""
 
 
+def require_ribs(agent: str) -> None:
+    """Refuse an agent that needs pyribs where it is missing.
+
+    Raises:
+        MissingDependencyError: If it is not installed.
+    """
+    require_extra(package="ribs", extra="search", agent=agent)
+
+
 def load_ribs(agent: str) -> tuple[ModuleType, ModuleType, ModuleType]:
     """Return `ribs.archives`, `ribs.emitters` and `ribs.schedulers`.
 
     Raises:
-        MissingDependencyError: If pyribs is not installed.
+        MissingDependencyError: If pyribs cannot be imported.
     """
     archives, emitters, schedulers = (
         load_extra(f"ribs.{part}", package="ribs", extra="search", agent=agent)

@@ -30,13 +30,22 @@ def in_bundle(name: str) -> bool:
 def check_entrant(name: str) -> str:
     """Return `name` if it can take part.
 
-    A `package.module:factory` is tried at once: a mistake in it should not wait for the first job.
+    Whatever it names is made at once: a package that is missing, a bundle that is damaged or a mistake in a
+    `package.module:factory` should not wait for the first job.
 
     Raises:
         NotFoundError: If it is neither an agent, nor a bundle, nor a factory; the message offers the nearest name.
         SettingsError: If a factory makes no agent.
+        FileFormatError: If a bundle is damaged.
+        MissingDependencyError: If it needs a package that is not installed; the message names its extra.
     """
-    if name in UNTRAINED or trained_here(name) or in_bundle(name):
+    if trained_here(name):
+        return name
+    if name in UNTRAINED:
+        UNTRAINED[name]()
+        return name
+    if in_bundle(name):
+        load_bundle(name)
         return name
     if is_entry_point(name):
         load_entry_point(name)
@@ -64,11 +73,10 @@ def make_entrant(name: str, bundle: Path | None = None) -> Agent:
         NotFoundError: If there is no such agent or bundle.
         FileFormatError: If a bundle is damaged.
     """
-    check_entrant(name)
-    if not in_bundle(name):
-        return make_agent(name, bundle)
-    trained = load_bundle(name)
-    return PolicyAgent(trained, deterministic=trained.header.deterministic, name=name)
+    if in_bundle(name):
+        trained = load_bundle(name)
+        return PolicyAgent(trained, deterministic=trained.header.deterministic, name=name)
+    return make_agent(check_entrant(name), bundle)
 
 
 def actions_before(name: str) -> int:

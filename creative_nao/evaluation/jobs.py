@@ -76,16 +76,19 @@ def plan(suite: Suite, *, base_seed: int) -> tuple[Job, ...]:
 
     Returns:
         The jobs; each stands after those it needs.
+
+    Raises:
+        CreativeNaoError: If an agent cannot take part, as `check_entrant` tells.
     """
     taught = {name: _teaching(suite, name) for name in suite.memories if suite.taught_seed(name) is not None}
+    learning = [agent for agent in suite.agents if trained_here(check_entrant(agent))]
     jobs: list[Job] = [*taught.values()]
     for group in _groups(suite.memories, suite.memories_per_job):
         own = tuple(taught[memory] for memory in group if memory in taught)
         trained = {
             (agent, memory, seed): _training(suite, agent, memory, seed, base_seed, taught.get(memory))
             for memory in group
-            for agent in suite.agents
-            if trained_here(check_entrant(agent))
+            for agent in learning
             for seed in range(suite.n_seeds)
         }
         jobs += [*trained.values(), *(_chart(suite, memory, taught.get(memory)) for memory in group)]

@@ -28,6 +28,7 @@ from creative_nao.agents.map_elites import MapElitesSettings
 from creative_nao.agents.novelty_search import NoveltySearchSettings
 from creative_nao.agents.oracle import OracleSettings
 from creative_nao.errors import MissingDependencyError, SettingsError
+from creative_nao.evaluation.entrants import check_entrant
 
 SEARCHES = ("cma_es", "cma_me", "map_elites", "novelty_search", "bayesian")
 DRAWING = tuple(name for name in UNTRAINED if name != "oracle")
@@ -113,20 +114,29 @@ class Mirrored(fake_boxing.FakeBoxing):
 
 
 @pytest.mark.parametrize(
-    ("module", "agent", "package", "extra"),
+    ("agent", "package", "extra"),
     [
-        ("cmaes", CmaEsAgent, "cmaes", "search"),
-        ("ribs.archives", CmaMeAgent, "ribs", "search"),
-        ("ribs.archives", MapElitesAgent, "ribs", "search"),
-        ("ribs.archives", NoveltySearchAgent, "ribs", "search"),
-        ("optuna", BayesianAgent, "optuna", "bayes"),
+        (CmaEsAgent, "cmaes", "search"),
+        (CmaMeAgent, "ribs", "search"),
+        (MapElitesAgent, "ribs", "search"),
+        (NoveltySearchAgent, "ribs", "search"),
+        (BayesianAgent, "optuna", "bayes"),
     ],
 )
-def test_a_missing_package_is_named_with_its_extra(module, agent, package, extra, monkeypatch):
-    monkeypatch.setitem(sys.modules, module, None)
+def test_a_missing_package_is_named_with_its_extra_when_the_agent_is_made(agent, package, extra, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
     expected = rf'agent `{agent.name}` needs the package `{package}`: pip install "creative-nao\[{extra}\]"'
     with pytest.raises(MissingDependencyError, match=expected):
-        play(agent())
+        agent()
+    with pytest.raises(MissingDependencyError, match=expected):
+        check_entrant(agent.name)
+
+
+def test_a_package_that_is_there_and_broken_is_named_when_it_is_loaded(monkeypatch):
+    agent = MapElitesAgent()
+    monkeypatch.setitem(sys.modules, "ribs.archives", None)
+    with pytest.raises(MissingDependencyError, match=r"`map_elites` needs the package `ribs`: .*\(import of ribs"):
+        play(agent)
 
 
 @pytest.mark.parametrize(
