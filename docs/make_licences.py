@@ -1,12 +1,15 @@
 """Write docs/licences.md, every package that an installation brings: `python docs/make_licences.py`.
 
-With `--sbom FILE` it writes a CycloneDX 1.5 bill of materials of what is installed here instead. Both read only the
-metadata of the installed packages and follow the dependencies of creative-nao without its extras.
+With `--sbom FILE` it writes a CycloneDX 1.5 bill of materials of what is installed here instead. Both follow the
+dependencies that pyproject.toml declares, those of the extras among them save the ones for developers, through the
+metadata of the installed packages. The page is to be written where all extras are installed.
 """
 
 import argparse
 import json
 import re
+import tomllib
+from collections.abc import Iterable
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -15,19 +18,25 @@ from packaging.requirements import Requirement
 from creative_nao import atomic
 
 PAGE = Path(__file__).parent / "licences.md"
-ROOT_PACKAGE = "creative-nao"
+PROJECT = tomllib.loads((PAGE.parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+ROOT_PACKAGE = PROJECT["name"]
+EXTRAS = {name: needs for name, needs in PROJECT["optional-dependencies"].items() if name not in ("dev", "docs")}
+"""What the extras for users need; the two others are for developers."""
 HEAD = """# Licences
 
-What an installation brings along on Linux, without extras, with the licence that each package declares. The file is
-written by `docs/make_licences.py`; versions are left out, since they differ between installations.
-creative_nao itself is under the MIT licence. A bill of materials of an installation, versions included:
+What an installation brings along on Linux, with the licence that each package declares and, where only extras need it,
+their names. The file is written by `docs/make_licences.py`; versions are left out, since they differ between
+installations. creative_nao itself is under the MIT licence.
+
+A bill of materials of an installation in CycloneDX 1.5, with versions and with what needs what; a test checks one
+against the schema of the format:
 
 ```sh
 python docs/make_licences.py --sbom sbom.json
 ```
 
-| package | licence |
-| --- | --- |
+| package | licence | extras |
+| --- | --- | --- |
 """
 
 
@@ -36,20 +45,35 @@ def normal(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def closure() -> dict[str, Distribution]:
-    """Return every installed package that creative-nao needs, by normalised name."""
+def declared(extras: Iterable[str]) -> list[str]:
+    """Return the requirements of creative-nao with these extras."""
+    return [*PROJECT["dependencies"], *(need for extra in extras for need in EXTRAS[extra])]
+
+
+def needed(requirements: Iterable[str], extras: frozenset[str] = frozenset()) -> list[tuple[str, frozenset[str]]]:
+    """Return what requirements of a package with `extras` mean on this system: names, and the extras wanted of them."""
+    return [
+        (normal(need.name), frozenset(need.extras))
+        for need in map(Requirement, requirements)
+        if need.marker is None or any(need.marker.evaluate({"extra": extra}) for extra in ("", *extras))
+    ]
+
+
+def closure(extras: Iterable[str] = ()) -> dict[str, Distribution]:
+    """Return every installed package that creative-nao with these extras needs, by name."""
     found: dict[str, Distribution] = {}
-    waiting = [ROOT_PACKAGE]
+    done: set[tuple[str, frozenset[str]]] = set()
+    waiting = needed(declared(extras))
     while waiting:
-        name = normal(waiting.pop())
-        if name in found:
+        name, wanted = waiting.pop()
+        if (name, wanted) in done:
             continue
+        done.add((name, wanted))
         try:
             found[name] = distribution(name)
-        except PackageNotFoundError:  # for another system
+        except PackageNotFoundError:  # for another system, or of an extra that is not installed
             continue
-        needs = map(Requirement, found[name].requires or ())
-        waiting += [need.name for need in needs if need.marker is None or need.marker.evaluate({"extra": ""})]
+        waiting += needed(found[name].requires or (), wanted)
     return dict(sorted(found.items()))
 
 
@@ -69,32 +93,47 @@ def licence(package: Distribution) -> str:
     return ", ".join(classified) or "see its files"
 
 
-def page(packages: dict[str, Distribution]) -> str:
+def page() -> str:
     """Return the page."""
-    rows = [f"| {name} | {licence(package)} |" for name, package in packages.items() if name != ROOT_PACKAGE]
+    everywhere = closure()
+    by_extra = {extra: closure([extra]) for extra in EXTRAS}
+    rows = []
+    for name, package in closure(EXTRAS).items():
+        extras = [extra for extra, packages in by_extra.items() if name in packages and name not in everywhere]
+        rows.append(f"| {name} | {licence(package)} | {', '.join(extras)} |")
     return HEAD + "\n".join(rows) + "\n"
 
 
-def bill(packages: dict[str, Distribution]) -> dict:
-    """Return a CycloneDX 1.5 bill of materials."""
-    components = [
-        {
-            "type": "library",
-            "bom-ref": f"pkg:pypi/{name}@{package.version}",
-            "name": name,
-            "version": package.version,
-            "purl": f"pkg:pypi/{name}@{package.version}",
-            "licenses": [{"license": {"name": licence(package)}}],
-        }
-        for name, package in packages.items()
-    ]
-    root = next(one for one in components if one["name"] == ROOT_PACKAGE)
+def described_licence(package: Distribution) -> list[dict]:
+    """Return the licence as CycloneDX wants it: an SPDX expression as such, anything else by name."""
+    expression = package.metadata.get("License-Expression")
+    return [{"expression": expression}] if expression else [{"license": {"name": licence(package)}}]
+
+
+def component(name: str, version: str, licences: list[dict], kind: str = "library") -> dict:
+    """Return a package as CycloneDX describes one; its purl is the reference to it, too."""
+    purl = f"pkg:pypi/{name}@{version}"
+    return {"type": kind, "bom-ref": purl, "name": name, "version": version, "purl": purl, "licenses": licences}
+
+
+def bill() -> dict:
+    """Return a CycloneDX 1.5 bill of materials of what is installed here."""
+    packages = closure(EXTRAS)
+    root = component(ROOT_PACKAGE, PROJECT["version"], [{"expression": PROJECT["license"]}], "application")
+    parts = {name: component(name, one.version, described_licence(one)) for name, one in packages.items()}
+    needs = {root["bom-ref"]: needed(declared(EXTRAS))}
+    needs |= {parts[name]["bom-ref"]: needed(one.requires or ()) for name, one in packages.items()}
     return {
+        "$schema": "http://cyclonedx.org/schema/bom-1.5.schema.json",
         "bomFormat": "CycloneDX",
         "specVersion": "1.5",
         "version": 1,
-        "metadata": {"component": {**root, "type": "application"}},
-        "components": [one for one in components if one is not root],
+        "metadata": {"component": root},
+        "components": list(parts.values()),
+        "dependencies": [
+            {"ref": reference, "dependsOn": sorted({parts[name]["bom-ref"] for name, _ in wanted if name in parts})}
+            for reference, wanted in needs.items()
+        ],
     }
 
 
@@ -103,11 +142,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sbom", type=Path, help="write a CycloneDX bill of materials here instead")
     target = parser.parse_args().sbom
-    packages = closure()
     if target is None:
-        atomic.write_text(PAGE, page(packages))
+        atomic.write_text(PAGE, page())
     else:
-        atomic.write_text(target, json.dumps(bill(packages), indent=2) + "\n")
+        atomic.write_text(target, json.dumps(bill(), indent=2) + "\n")
 
 
 if __name__ == "__main__":

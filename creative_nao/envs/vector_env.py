@@ -317,8 +317,10 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads and free what drawing took."""
-        self._crew.close()
-        self._screen.close()
+        # Gymnasium may close a vector whose arguments were refused, before there was anything to close.
+        for part in ("_crew", "_screen"):
+            if hasattr(self, part):
+                getattr(self, part).close()
 
     def get_state(self) -> tuple[EnvState, ...]:
         """Return the exact state of each copy; a single environment of the same kind takes it, too."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from creative_nao.atomic import replacing
+from creative_nao.atomic import write_bytes
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.fields import only_arrays
 from creative_nao.measures import OUTCOMES, Criteria, score
@@ -85,10 +86,10 @@ class PBMap:
             "learned_pb": self.learned_pb,
             "header": np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8),
         }
-        target = Path(path)
-        with replacing(target) as temporary, open(temporary, "wb") as stream:
-            np.savez_compressed(stream, allow_pickle=False, **arrays)
-        return target
+        # In memory first: on a full disk, an archive that is being written complains once more when it is dropped.
+        content = io.BytesIO()
+        np.savez_compressed(content, allow_pickle=False, **arrays)
+        return write_bytes(path, content.getvalue())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> PBMap:

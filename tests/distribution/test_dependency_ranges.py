@@ -1,0 +1,67 @@
+"""The ranges of pyproject.toml are the tested ones: their lower ends are what `.ci/lowest` installs."""
+
+import re
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.version import Version
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = {name: [Requirement(text) for text in texts] for name, texts in PROJECT["optional-dependencies"].items()}
+CORE = [Requirement(text) for text in PROJECT["dependencies"]]
+EVERY = [*CORE, *(need for needs in EXTRAS.values() for need in needs)]
+
+
+def lowest_versions():
+    """Return the versions of .ci/lowest.txt by package."""
+    lines = (ROOT / ".ci" / "lowest.txt").read_text(encoding="utf-8").splitlines()
+    pins = [line.partition("#")[0].strip() for line in lines]
+    return {name: Version(number) for name, number in (pin.split("==") for pin in pins if pin)}
+
+
+def lower_bound(need):
+    """Return the lower end of a requirement's range."""
+    bounds = [Version(one.version) for one in need.specifier if one.operator == ">="]
+    assert len(bounds) == 1, f"`{need}` should have one lower bound"
+    return bounds[0]
+
+
+@pytest.mark.parametrize("need", EVERY, ids=str)
+def test_a_lower_bound_is_the_version_that_is_tested(need):
+    lowest = lowest_versions()
+
+    assert need.name in lowest, f"add `{need.name}` to .ci/lowest.txt"
+    assert lowest[need.name] == lower_bound(need)
+
+
+def test_every_version_that_is_tested_is_a_bound():
+    assert lowest_versions().keys() == {need.name for need in EVERY}
+
+
+@pytest.mark.parametrize("need", [*CORE, *EXTRAS["dev"]], ids=str)
+def test_what_is_installed_here_lies_in_its_range(need):
+    assert need.specifier.contains(version(need.name))
+
+
+def test_the_extra_for_tests_brings_every_other_extra():
+    """Else a part would be tested nowhere, or its lower end would not be the one installed."""
+    known = {need.name: need.specifier for need in EXTRAS["dev"]}
+    for name, needs in EXTRAS.items():
+        for need in needs:
+            assert known.get(need.name) == need.specifier, f"extra `{name}`: {need}"
+
+
+def test_the_python_versions_told_are_those_allowed():
+    told = [
+        Version(found[1])
+        for line in PROJECT["classifiers"]
+        if (found := re.fullmatch(r"Programming Language :: Python :: (3\.\d+)", line))
+    ]
+    allowed = Requirement(f"python{PROJECT['requires-python']}").specifier
+
+    assert told
+    assert [minor for minor in range(30) if allowed.contains(f"3.{minor}.0")] == [one.minor for one in told]
