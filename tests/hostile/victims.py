@@ -90,6 +90,8 @@ OWN_FILES = {
     "creative_nao/explorer/page.py": "its style sheet",
     "creative_nao/explorer/recordings.py": "the recording it has just written",
     "creative_nao/explorer/static_export.py": "files of the page",
+    "creative_nao/explorer/teach_page.py": "its style sheets",
+    "creative_nao/explorer/teach_training.py": "the memory it has just written",
     "creative_nao/model/shipped.py": "scores that ship",
     "creative_nao/provenance.py": "any file, for its hash only",
 }
