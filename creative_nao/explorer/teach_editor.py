@@ -42,7 +42,7 @@ class Editor:
             _button("Undo", tab.undo)
         self.list = ui.row().classes("gap-1").props('role=group aria-label="Demonstrations"')
         self.name = ui.input("Name of the demonstration").props("dense maxlength=24").classes("w-full")
-        self.name.on("change", self._rename, js_handler="(e) => emit(e.target.value)")
+        self.name.on("change", self._rename)
         with ui.row().classes("items-center gap-2"):
             _button("Earlier key", lambda: self._choose(tab.key - 1))
             _button("Later key", lambda: self._choose(tab.key + 1))
@@ -52,7 +52,7 @@ class Editor:
                 .classes("w-28")
             )
             self.time.props("dense").classes("w-28")
-            self.time.on("change", self._retime, js_handler="(e) => emit(e.target.value)")
+            self.time.on("change", self._retime)
             _button("Add key", self._add_key)
             _button("Remove key", self._remove_key)
         self.timeline = ui.element("div").classes("cn-timeline").props('role=group aria-label="Keys over time"')
