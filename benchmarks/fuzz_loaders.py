@@ -16,7 +16,6 @@ import argparse
 import hashlib
 import json
 import re
-import resource
 import signal
 import sys
 import tempfile
@@ -28,6 +27,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+try:
+    import resource
+except ImportError:  # not on Windows
+    resource = None
 
 HERE = Path(__file__).resolve().parents[1] / "tests" / "hostile"
 sys.path.insert(0, str(HERE))
@@ -56,6 +60,10 @@ def main() -> int:
     parser.add_argument("--corpus", type=Path, default=CORPUS, help="where findings are written")
     chosen = parser.parse_args()
     warnings.simplefilter("error")
+    if resource is None or not (
+        hasattr(signal, "setitimer") and hasattr(signal, "SIGPROF") and hasattr(signal, "ITIMER_PROF")
+    ):
+        parser.error("this system has no timer of processor time; run it on Linux or macOS")
     signal.signal(signal.SIGPROF, _too_long)
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
         victims = make_victims(Path(folder) / "good")

@@ -76,10 +76,7 @@ def test_every_text_file_is_opened_with_a_named_encoding(path):
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_nothing_is_used_that_only_some_systems_have(path):
-    found = without_fallback(path.read_text(encoding="utf-8"))
-    if path.parent.name == "benchmarks":  # programs for those who publish figures, some of them for Linux alone
-        found = [(line, name) for line, name in found if name not in POSIX_MODULES]
-    assert not found
+    assert not without_fallback(path.read_text(encoding="utf-8"))
 
 
 def test_both_searches_find_what_they_look_for():

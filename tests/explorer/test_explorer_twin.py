@@ -25,8 +25,9 @@ def assert_both_move_at(tab, pb):
     """Hold both robots against what each memory generates at a point."""
     made = [np.round(load_memory(name).generate(np.array([pb]))[0], 5) for name in ("half/0", "open/0")]
     tab.page.wait_for_function(
-        f"(wanted) => {{ const now = {ANGLES}; return now.length === 2 && now.every((one, k) => one.length && "
-        "wanted[k].every((row, t) => row.every((value, j) => Math.abs(value - one[t][j]) < 1e-4))) }",
+        # In either order: the browser's player knows its robots in the order in which their scenes got ready.
+        f"(wanted) => {{ const now = {ANGLES}; return now.length === 2 && wanted.every((made) => now.some((one) => "
+        "one.length && made.every((row, t) => row.every((value, j) => Math.abs(value - one[t][j]) < 1e-4)))) }",
         arg=[one.tolist() for one in made],
         timeout=60_000,
     )
