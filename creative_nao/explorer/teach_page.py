@@ -65,6 +65,7 @@ class TeachTab:
         ui.add_css(
             (STATIC / "page.css").read_text(encoding="utf-8") + (STATIC / "teach.css").read_text(encoding="utf-8")
         )
+        ui.add_body_html(f"<script>{(STATIC / 'sliders.js').read_text(encoding='utf-8')}</script>")
         dark = ui.dark_mode(None)
         with ui.row().classes("w-full items-center justify-between"):
             ui.label("Teach the robot").classes("text-lg")

@@ -33,7 +33,7 @@ def press(tab, name):
 
 def lower(tab, joint, n):
     """Turn a joint by so many tenths of a radian, by keys."""
-    handle = tab.page.get_by_role("slider", name=joint).locator("[tabindex='0']")
+    handle = tab.page.get_by_role("slider", name=joint)
     for _ in range(n):
         handle.press("PageDown")
 
@@ -51,6 +51,20 @@ def test_a_slider_turns_the_joint_and_too_fast_is_said_at_once(teach):
     assert tab.page.get_by_role("button", name="Train", exact=True).is_disabled()
     press(tab, "Undo")
     tab.says(FIT)
+
+
+def test_what_takes_the_focus_says_its_joint_and_its_value(teach):
+    tab = teach()
+    slider = tab.page.get_by_role("slider", name="LShoulderPitch")
+    slider.focus()
+    told = "['role', 'aria-label', 'aria-valuenow'].map((name) => document.activeElement.getAttribute(name))"
+    role, name, before = tab.page.evaluate(told)
+    assert (role, name) == ("slider", "LShoulderPitch")
+    slider.press("PageDown")
+    tab.page.wait_for_function(
+        "(before) => document.activeElement.getAttribute('aria-valuenow') < before - 0.05", arg=float(before)
+    )
+    assert slider.count() == 1
 
 
 def test_the_posture_shown_is_that_of_the_key(teach):
