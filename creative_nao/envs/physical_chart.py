@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from creative_nao.atomic import replacing
+from creative_nao.atomic import write_bytes
 from creative_nao.envs.observation import OUTCOMES
 from creative_nao.errors import FileFormatError, NotFoundError
 from creative_nao.fields import only_arrays, shown
@@ -130,19 +131,18 @@ class PhysicalMap:
             "record": self.record,
         }
         codes = {name: np.array([_CODES.index(word) for word in getattr(self, name)], dtype=np.int8) for name in _WORDS}
-        target = Path(path)
-        with replacing(target) as temporary, open(temporary, "wb") as stream:
-            np.savez_compressed(
-                stream,
-                allow_pickle=False,
-                header=np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8),
-                nearest=self.nearest.astype(np.int16),
-                distance=self.distance,
-                learned_pb=self.learned_pb,
-                **codes,
-                **self.figures,
-            )
-        return target
+        # In memory first, as a mental map is written. Plain numbers only: nothing is pickled.
+        arrays: dict[str, Any] = {
+            "header": np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8),
+            "nearest": self.nearest.astype(np.int16),
+            "distance": self.distance,
+            "learned_pb": self.learned_pb,
+            **codes,
+            **self.figures,
+        }
+        content = io.BytesIO()
+        np.savez_compressed(content, **arrays)
+        return write_bytes(path, content.getvalue())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, unfinished: bool = False) -> PhysicalMap:

@@ -79,7 +79,7 @@ class PBMap:
             "names": list(self.names),
             "record": self.record,
         }
-        arrays = {
+        arrays: dict[str, Any] = {
             "outcome": np.searchsorted(sorted(OUTCOMES), self.outcome).astype(np.int8),
             "nearest": self.nearest.astype(np.int16),
             "distance": self.distance,
@@ -88,7 +88,7 @@ class PBMap:
         }
         # In memory first: on a full disk, an archive that is being written complains once more when it is dropped.
         content = io.BytesIO()
-        np.savez_compressed(content, allow_pickle=False, **arrays)
+        np.savez_compressed(content, **arrays)  # plain numbers only: nothing is pickled
         return write_bytes(path, content.getvalue())
 
     @classmethod

@@ -98,7 +98,7 @@ OWN_FILES = {
 """Modules that open a file directly, and why no stranger's content gets in that way."""
 
 WRITERS = (
-    "creative_nao/agents/training_watch.py", "creative_nao/envs/physical_chart.py",
+    "creative_nao/agents/training_watch.py",
     "creative_nao/evaluation/drawing.py", "creative_nao/exchange/tables.py", "creative_nao/pb_space/chart.py",
 )  # fmt: skip
 """Modules that open files to write them."""
