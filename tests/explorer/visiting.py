@@ -98,14 +98,14 @@ class Visit:
 
     def says(self, text, seconds=60):
         self.page.wait_for_function(
-            "(text) => document.querySelector('[role=status]').textContent.includes(text)",
+            "(text) => document.querySelector('[role=status]')?.textContent.includes(text)",
             arg=text,
             timeout=1000 * seconds,
         )
 
     def place(self, x, y):
         """Return the page coordinates of a share of the map's width and height, from its upper left corner."""
-        box = self.page.locator(".cn-map").bounding_box()
+        box = self.page.locator(".cn-map").first.bounding_box()
         return box["x"] + x * box["width"], box["y"] + y * box["height"]
 
     def click_map(self, x, y):
