@@ -96,7 +96,7 @@ def test_keys_and_buttons_zoom_follow_and_show_the_whole_again(visit, server):
     assert low < 0.2 < high
     notes(tab, FINE)
     tab.page.keyboard.press("Shift+ArrowRight")  # ten of the finer cells
-    tab.says(f"PB {0.2 + 10 * (high - low) / 200:.3f}")
+    tab.says(f"PB {0.2 + 10 * (high - low) / 200:.4f}, 0.1000;")  # a decimal more where cells are finer
     letters = tab.page.locator(".cn-map text").count()
     tab.page.keyboard.press("6")
     tab.says("nearest F right uppercut")

@@ -12,7 +12,13 @@ from creative_nao.explorer.session import Favourite, Session
 from creative_nao.explorer.shelf import Shelf
 from creative_nao.model import load_memory
 
-ANGLES = "[...window.robotPlayer.robots].map((robot) => robot.movement?.angles ?? [])"
+ANGLES = """[...document.querySelectorAll('.cn-scene [id]')].map((place) => window['scene_' + place.id]).filter(Boolean)
+    .map((scene) => [...window.robotPlayer.robots].find((robot) => {
+        let top = robot.root;
+        while (top.parent) top = top.parent;
+        return top === scene;
+    })?.movement?.angles ?? [])"""
+"""What the robots do, in the order of the page; the player knows them in the order in which they were made."""
 STATUS = "(k) => document.querySelectorAll('[role=status]')[k]?.textContent ?? ''"
 
 
@@ -25,9 +31,8 @@ def assert_both_move_at(tab, pb):
     """Hold both robots against what each memory generates at a point."""
     made = [np.round(load_memory(name).generate(np.array([pb]))[0], 5) for name in ("half/0", "open/0")]
     tab.page.wait_for_function(
-        # In either order: the browser's player knows its robots in the order in which their scenes got ready.
-        f"(wanted) => {{ const now = {ANGLES}; return now.length === 2 && wanted.every((made) => now.some((one) => "
-        "one.length && made.every((row, t) => row.every((value, j) => Math.abs(value - one[t][j]) < 1e-4)))) }",
+        f"(wanted) => {{ const now = {ANGLES}; return now.length === 2 && now.every((one, k) => one.length && "
+        "wanted[k].every((row, t) => row.every((value, j) => Math.abs(value - one[t][j]) < 1e-4))) }",
         arg=[one.tolist() for one in made],
         timeout=60_000,
     )
