@@ -1,4 +1,4 @@
-"""Draw the pictures of the documentation again: `python docs/make_images.py [strips] [film] [maps] [physical]`."""
+"""Draw the pictures of the documentation again: `python docs/make_images.py [strips|film|maps|physical|small] ...`."""
 
 import json
 import sys
@@ -8,6 +8,7 @@ import numpy as np
 
 from creative_nao import load_demonstrations, load_memory, pb_map
 from creative_nao.envs.physical_chart import PhysicalMap
+from creative_nao.evaluation.drawing import save_small
 from creative_nao.robot import Performer, PlaybackSettings, film_strip, pictures, write_gif
 
 DOCS = Path(__file__).parent
@@ -45,7 +46,7 @@ def film() -> None:
         per_tick = round(demos.dt_s / done.frame_dt_s)
         frames.append(done.frames[FILM_TICKS.start * per_tick : FILM_TICKS.stop * per_tick])
     images = pictures(
-        performer.scene, np.concatenate(frames), camera="close", width=288, height=270, shadows=True, smooth=2
+        performer.scene, np.concatenate(frames), camera="close", width=256, height=240, shadows=True, smooth=2
     )
     write_gif(images, IMAGES / "boxing.gif", frame_dt_s=FILM_FRAME_S)
 
@@ -54,6 +55,17 @@ def maps() -> None:
     """Draw the maps of the shipped memories."""
     for name in MEMORIES:
         pb_map(load_memory(name.replace("_", "/"))).plot(IMAGES / f"map_{name}.png")
+
+
+def small() -> None:
+    """Write the pictures, screenshots too, with few colours: a third of their size, for the source archive."""
+    from PIL import Image
+
+    for path in sorted(IMAGES.rglob("*.png")):
+        with Image.open(path) as picture:
+            done = picture.mode == "P"
+        if not done:
+            save_small(path, path)
 
 
 def physical() -> None:
@@ -66,6 +78,6 @@ def physical() -> None:
 
 
 if __name__ == "__main__":
-    drawn = {"strips": strips, "film": film, "maps": maps, "physical": physical}
+    drawn = {"strips": strips, "film": film, "maps": maps, "physical": physical, "small": small}
     for word in sys.argv[1:] or drawn:
         drawn[word]()

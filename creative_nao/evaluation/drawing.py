@@ -52,18 +52,20 @@ def figure(
 
 def save(drawn: Figure, path: Path) -> Path:
     """Write a figure as `path`.png and `path`.svg, each in one step, and return the PNG's path."""
-    from PIL import Image
-
     png, svg = path.with_suffix(".png"), path.with_suffix(".svg")
     pixels = io.BytesIO()
     drawn.savefig(pixels, format="png", dpi=DPI)
-    picture = (
-        Image.open(pixels)
-        .convert("RGB")
-        .quantize(N_COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    )
-    with atomic.replacing(png) as temporary:
-        picture.save(temporary, format="PNG", optimize=True)
+    save_small(pixels, png)
     with atomic.replacing(svg) as temporary:
         drawn.savefig(temporary, format="svg", metadata={"Date": None})
     return png
+
+
+def save_small(picture: Path | io.BytesIO, png: Path) -> None:
+    """Write a picture in `N_COLOURS` as a PNG, in one step; it may be that very file."""
+    from PIL import Image
+
+    with Image.open(picture) as whole:
+        few = whole.convert("RGB").quantize(N_COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    with atomic.replacing(png) as temporary:
+        few.save(temporary, format="PNG", optimize=True)
