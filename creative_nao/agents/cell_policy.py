@@ -11,9 +11,8 @@ from stable_baselines3.common.distributions import Distribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import nn
 
-from creative_nao.agents.cells import CellDistribution, CellFeatures, CellWeights
+from creative_nao.agents.cells import CellDistribution, CellFeatures, CellWeights, refuse_sde
 from creative_nao.envs.observation import N_CELLS
-from creative_nao.errors import SettingsError
 
 
 class CellNetwork(nn.Module):
@@ -74,8 +73,7 @@ class CellPolicy(ActorCriticPolicy):
         n_layers: int = 2,
         use_sde: bool = False,
     ) -> None:
-        if use_sde:
-            raise SettingsError("`use_sde` should be false with CellPolicy: it draws cells and adds no noise")
+        refuse_sde(use_sde, "CellPolicy")
         self.width, self.n_layers = width, n_layers
         super().__init__(observation_space, action_space, lr_schedule, ortho_init=False)
 

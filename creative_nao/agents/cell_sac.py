@@ -16,8 +16,7 @@ from stable_baselines3.common.policies import BaseModel, BasePolicy
 from stable_baselines3.sac.policies import SACPolicy
 from torch import nn
 
-from creative_nao.agents.cells import CellDistribution, CellFeatures, CellWeights, cells_at
-from creative_nao.errors import SettingsError
+from creative_nao.agents.cells import CellDistribution, CellFeatures, CellWeights, cells_at, refuse_sde
 
 _CARRIED = "cell_probabilities"
 
@@ -108,8 +107,7 @@ class CellSACPolicy(SACPolicy):
         n_critics: int = 2,
         use_sde: bool = False,
     ) -> None:
-        if use_sde:
-            raise SettingsError("`use_sde` should be false with CellSACPolicy: it draws cells and adds no noise")
+        refuse_sde(use_sde, "CellSACPolicy")
         self.width, self.n_layers = width, n_layers
         super().__init__(observation_space, action_space, lr_schedule, n_critics=n_critics)
 

@@ -78,6 +78,16 @@ class CellDistribution(Distribution):
         return actions, self.log_prob(actions)
 
 
+def refuse_sde(use_sde: bool, policy: str) -> None:
+    """Refuse Stable-Baselines3's state-dependent exploration: cells are drawn, no noise is added.
+
+    Raises:
+        SettingsError: If it is asked for.
+    """
+    if use_sde:
+        raise SettingsError(f"`use_sde` should be false with {policy}: it draws cells and adds no noise")
+
+
 def cells_at(points: torch.Tensor) -> torch.Tensor:
     """Return the cells in which points of [-1, 1]^n_pb lie, shape (n,), for points (n, n_pb)."""
     places = ((points + 1.0) * (N_CELLS / 2.0)).long().clamp(0, N_CELLS - 1)

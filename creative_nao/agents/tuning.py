@@ -15,6 +15,7 @@ from typing import Any
 
 from creative_nao import atomic
 from creative_nao.agents.algorithms import CELL_POLICY, CELL_SAC_POLICY, find_algorithm
+from creative_nao.agents.checks import at_least
 from creative_nao.agents.hyperparameters import Hyperparameters, read_hyperparameters
 from creative_nao.agents.training import TrainingPlan, train_agent
 from creative_nao.errors import MissingDependencyError, SettingsError
@@ -34,6 +35,11 @@ class TuningPlan:
         n_timesteps: Decisions in the training of a trial.
         seed: Seed of the search and of each training.
         conf_file: Hyperparameters to start from; None for the shipped ones.
+        n_judged_seeds: Episodes of each validation memory that score a trial. Trials differ by less than an episode's
+            luck, so that a search with few of them picks the luckiest.
+
+    Raises:
+        SettingsError: If a number is below 1.
     """
 
     algorithm: str
@@ -42,6 +48,10 @@ class TuningPlan:
     n_timesteps: int = 20_000
     seed: int = 0
     conf_file: Path | None = None
+    n_judged_seeds: int = 3
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "n_trials", "n_timesteps", "n_judged_seeds")
 
 
 @dataclass(frozen=True)
@@ -79,8 +89,6 @@ def tune(
         SettingsError: If there is a study already and `resume` is not set, or it is of another plan.
     """
     optuna = _optuna()
-    if plan.n_trials < 1:
-        raise SettingsError(f"`n_trials` should be at least 1, but is {plan.n_trials}")
     known = find_algorithm(plan.algorithm)
     start = read_hyperparameters(known.name, plan.env, plan.conf_file).replace(n_timesteps=plan.n_timesteps)
     journal = out / "study.journal"
@@ -91,6 +99,7 @@ def tune(
     storage = optuna.storages.JournalStorage(optuna.storages.journal.JournalFileBackend(str(journal)))
     study = optuna.create_study(storage=storage, study_name="tuning", direction="maximize", load_if_exists=True)
     about = {"start": start.as_zoo(), "algorithm": known.name, "env": plan.env, "seed": plan.seed}
+    about["n_judged_seeds"] = plan.n_judged_seeds
     if study.user_attrs.get("about", about) != about:
         raise SettingsError(f"{journal} is a search with other settings; give the same ones to go on, or another --out")
     study.set_user_attr("about", about)
@@ -158,7 +167,7 @@ def _reward(trial: Any, plan: TuningPlan, start: Hyperparameters, first: bool) -
         env=plan.env,
         judged_env=plan.env,
         seed=plan.seed,
-        judged_seeds=(0, 1, 2),
+        judged_seeds=tuple(range(plan.n_judged_seeds)),
         evaluation_interval=plan.n_timesteps,
     )
     _, record = train_agent(training)

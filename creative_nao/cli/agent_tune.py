@@ -31,6 +31,8 @@ class TuneAgentSettings:
     """Trials in the whole study; with --resume, those already done count."""
     timesteps: int = 20_000
     """Decisions in the training of a trial."""
+    judged_seeds: int = 3
+    """Episodes of each validation memory that score a trial; more of them tell closer trials apart."""
     seed: int = 0
     """Seed of the search and of each training."""
     conf_file: Path | None = None
@@ -56,6 +58,7 @@ def run(settings: TuneAgentSettings) -> int:
         n_timesteps=settings.timesteps,
         seed=settings.seed,
         conf_file=settings.conf_file,
+        n_judged_seeds=settings.judged_seeds,
     )
     with Display({"tuning": settings.trials}) as display:
         result = tune(

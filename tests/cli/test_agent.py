@@ -88,6 +88,8 @@ def test_an_agent_plays_named_memories(trained, capsys):
         (["run", "randon"], "no agent `randon` (did you mean `random`?)"),
         (["run", "random", "--replay"], "--replay needs a trained agent"),
         (["run", "ppo"], "agent `ppo` is trained first"),
+        (["tune", "ppo", "--judged-seeds", "0", "--out", "x"], "`n_judged_seeds` should be at least 1, but is 0"),
+        (["tune", "ppo", "--trials", "0", "--out", "x"], "`n_trials` should be at least 1, but is 0"),
         ([], "Expected one of {train, run, tune}"),
     ],
 )
@@ -132,6 +134,8 @@ def test_tuning_searches_resumes_and_writes_what_training_reads(conf_file, tmp_p
     assert found["best_reward"] >= first["best_reward"]
     assert read_hyperparameters("ppo", ENV, out / "ppo.yml").n_timesteps == 120
     assert main([*words, "--trials", "2", "--resume", "--seed", "5"]) == 2
+    assert "is a search with other settings" in capsys.readouterr().err
+    assert main([*words, "--trials", "2", "--resume", "--judged-seeds", "4"]) == 2
     assert "is a search with other settings" in capsys.readouterr().err
 
 
