@@ -27,6 +27,10 @@ from creative_nao.errors import SettingsError
 from creative_nao.provenance import record as provenance
 
 
+FIRST_SCORE_SEED = 100
+"""The recorded score is played with other seeds than those that chose the weights."""
+
+
 @dataclasses.dataclass(frozen=True)
 class TrainAgentSettings:
     """Train an agent on the bank's train memories, judged on its validation memories, and write a bundle.
@@ -58,6 +62,8 @@ class TrainAgentSettings:
     """Memory, or part of the bank, to be judged on."""
     evaluation_interval: int = 20_000
     """Decisions from one evaluation to the next; the best weights are kept."""
+    judged_seeds: int = 2
+    """Episodes of each validation memory at an evaluation; with few of them the luckiest weights are kept."""
     checkpoint_interval: int = 20_000
     """Decisions from one checkpoint to the next."""
     score_seeds: int = 5
@@ -153,12 +159,18 @@ def _plan(settings: TrainAgentSettings) -> TrainingPlan:
         seed=settings.seed,
         memory=settings.memory,
         judged_memory=settings.validation_memory,
+        judged_seeds=tuple(range(settings.judged_seeds)),
         evaluation_interval=settings.evaluation_interval,
         checkpoint_interval=settings.checkpoint_interval,
     )
 
 
 def _check_place(settings: TrainAgentSettings, checkpoint: Path) -> None:
+    if settings.judged_seeds > FIRST_SCORE_SEED:
+        raise SettingsError(
+            f"--judged-seeds should be at most {FIRST_SCORE_SEED}, but is {settings.judged_seeds}: "
+            "the recorded score is played with the seeds after them"
+        )
     if settings.score_seeds < 1:
         raise SettingsError(f"--score-seeds should be at least 1, but is {settings.score_seeds}")
     if settings.out.is_file():
@@ -175,7 +187,7 @@ def _score(trained: TrainedPolicy, settings: TrainAgentSettings, plan: TrainingP
     The seeds are others than those that chose the weights.
     """
     memories = memories_of(plan.judged_memory)
-    seeds = tuple(range(100, 100 + settings.score_seeds))
+    seeds = tuple(range(FIRST_SCORE_SEED, FIRST_SCORE_SEED + settings.score_seeds))
     n_episodes = len(memories) * len(seeds)
     with Display({"scoring": n_episodes * (2 + (settings.env != plan.env))}) as display:
         played = [
@@ -205,7 +217,7 @@ def _command(settings: TrainAgentSettings, plan: TrainingPlan) -> str:
     if settings.augment is not None:
         words.append(f"--augment {settings.augment}")
     for field in dataclasses.fields(settings):
-        if field.name in ("memory", "validation_memory", "evaluation_interval", "score_seeds"):
+        if field.name in ("memory", "validation_memory", "evaluation_interval", "judged_seeds", "score_seeds"):
             value = getattr(settings, field.name)
             if value != field.default:
                 words.append(f"--{field.name.replace('_', '-')} {value}")
