@@ -26,7 +26,6 @@ from creative_nao.cli.progress import Display
 from creative_nao.errors import SettingsError
 from creative_nao.provenance import record as provenance
 
-
 FIRST_SCORE_SEED = 100
 """The recorded score is played with other seeds than those that chose the weights."""
 
