@@ -9,6 +9,7 @@ from nicegui import app, run, ui
 
 from creative_nao.errors import SettingsError
 from creative_nao.explorer.address import place_of
+from creative_nao.explorer.in_turn import InTurn
 from creative_nao.explorer.page import Exhibit, Tab
 from creative_nao.explorer.school import School
 from creative_nao.explorer.security import LOCAL_HOSTS, LocalOnly
@@ -18,6 +19,8 @@ from creative_nao.explorer.teach_page import TeachTab
 RECONNECT_S = 30.0
 """How long a tab that has gone quiet, such as a sleeping laptop's, is waited for before its memory is freed."""
 
+PAGES = ("/", "/teach")
+
 ANSWER_S = 60.0
 """How long a page may take to be built: a second memory has to be loaded and its coarse map made."""
 
@@ -26,7 +29,7 @@ def mount(started: Exhibit) -> Tabs:
     """Register the page and return the register of its open tabs. Importing registers nothing."""
     tabs, school = Tabs(), School()
 
-    @ui.page("/", response_timeout=ANSWER_S)
+    @ui.page(PAGES[0], response_timeout=ANSWER_S)
     async def page(
         x: str = "0", y: str = "0", path: str = "", beside: str = "", view: str = "", colour: str = "", taught: str = ""
     ) -> None:
@@ -43,7 +46,7 @@ def mount(started: Exhibit) -> Tabs:
         tab.build()
         ui.timer(0, tab.open, once=True)
 
-    @ui.page("/teach", title="Teach the robot")
+    @ui.page(PAGES[1], title="Teach the robot")
     def teach(taught: str = "") -> None:
         tab = TeachTab(started, school, taught)
         if not tabs.admits(tab):
@@ -80,6 +83,7 @@ def serve(exhibit: Exhibit, *, host: str, port: int, show: bool) -> None:
         show: Open the page in the user's browser.
     """
     mount(exhibit)
+    app.add_middleware(InTurn, paths=PAGES)
     if host in LOCAL_HOSTS:
         app.add_middleware(LocalOnly)
     exhibit.shelf.start()

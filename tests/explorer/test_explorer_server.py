@@ -1,12 +1,15 @@
 """The explorer's server: whom it answers, what it survives, what it says when it cannot start."""
 
+import asyncio
 import socket
 import sys
+import time
 
 import pytest
 from visiting import CHROMIUM, FLAGS, Server, Visit
 
 from creative_nao.cli import main
+from creative_nao.explorer.in_turn import AT_ONCE, InTurn
 
 
 def raw(port, request):
@@ -27,6 +30,59 @@ def test_a_foreign_host_or_origin_is_refused(server):
         "HTTP/1.1 101"
     )
     assert raw(server.port, f"GET / HTTP/1.1\n{own}\nConnection: close").startswith("HTTP/1.1 200")
+
+
+def test_of_pages_asked_for_at_once_the_first_comes_early(server):
+    """Let in together, twelve pages come together: the first took as long as the last, 0.95 of it and more."""
+    page = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nConnection: close\r\n\r\n".encode()
+
+    async def came(reader):
+        assert (await reader.readline()).startswith(b"HTTP/1.1 200")
+        return time.monotonic()
+
+    async def scene():
+        opened = [await asyncio.open_connection("127.0.0.1", server.port) for _ in range(12)]
+        start = time.monotonic()
+        for _, writer in opened:
+            writer.write(page)
+        took = sorted(one - start for one in await asyncio.gather(*(came(reader) for reader, _ in opened)))
+        for _, writer in opened:
+            writer.close()
+        return took
+
+    took = asyncio.run(scene())
+    assert took[0] < 0.6 * took[-1], took
+
+
+def test_a_turn_ends_when_the_answer_begins_or_fails():
+    async def app(scope, receive, send):
+        entered.append(scope["path"])
+        if receive is None:
+            raise OSError("gone")
+        await receive()
+        await send("head")
+        await never.wait()  # a reader who never takes the rest
+
+    async def tell(message):
+        said.append(message)
+
+    async def scene():
+        door, ready = InTurn(app, ("/",)), asyncio.Event()
+        ask = [asyncio.create_task(door({"type": "http", "path": "/"}, ready.wait, tell)) for _ in range(AT_ONCE + 3)]
+        other = asyncio.create_task(door({"type": "http", "path": "/other"}, ready.wait, tell))
+        await asyncio.sleep(0.01)
+        assert sorted(entered) == ["/"] * AT_ONCE + ["/other"]
+        ready.set()
+        await asyncio.sleep(0.01)
+        assert len(said) == len(entered) == AT_ONCE + 4
+        for _ in range(AT_ONCE + 1):
+            with pytest.raises(OSError, match="gone"):
+                await asyncio.wait_for(door({"type": "http", "path": "/"}, None, tell), 5)
+        never.set()
+        await asyncio.gather(*ask, other)
+
+    entered, said, never = [], [], asyncio.Event()
+    asyncio.run(scene())
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other loopback addresses exist on Linux only")
