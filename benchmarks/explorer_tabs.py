@@ -5,7 +5,7 @@
 The server is `creative-nao explore` itself, as it is; the tabs are plain clients that do what a browser does to it: ask
 for the page, open its socket, click on the map, wait until the page tells of the movement there. A tab that the server
 refuses or hangs up on, or whose click is not answered in two minutes, ends the benchmark with the reason. Nothing is
-drawn, so what is measured is the server's. Of every four tabs one leaves in order, one has its connection cut, one falls
+drawn, so what is measured is the server's. Of every four tabs one leaves in order, one has its connection cut, one goes
 silent and is given up by the heartbeat, and one asks for the page and never comes back. After each round, when the
 server has had the time to free them, its resident memory, threads and open files are read from /proc (so it needs
 Linux). Memory counts as flat when it grows by less than 16 MB after the first round, in which caches fill. Exits with 1
