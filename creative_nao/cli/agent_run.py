@@ -28,7 +28,7 @@ class RunAgentSettings:
     memory: str = "validation"
     """Memory by name or file, or a part of the bank: train, validation, test."""
     seed: int = 0
-    """Seed of the first episode of each memory; the next has the next."""
+    """Seed of the first episode of each memory; every further episode has the next one."""
     episodes: int = 1
     """Episodes of each memory."""
     replay: bool = False

@@ -46,7 +46,7 @@ class TrainAgentSettings:
     env: str = "CreativeNao/BoxingMental-v0"
     """Environment the agent is for: its hyperparameters, and where its recorded score is played."""
     train_env: str | None = None
-    """Environment to train in, if another one: the mental twin of a physical one is hundreds of times faster."""
+    """Environment to train in: the mental twin of a physical one is hundreds of times faster; default: --env."""
     seed: int = 0
     """Seed of weights, draws and environments; one seed, one agent."""
     timesteps: int | None = None

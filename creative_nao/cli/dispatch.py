@@ -115,9 +115,11 @@ def _parse(settings_class: type, name: str, words: list[str]) -> Any:
     """Return the settings, or an exit code when the flags ask for help or cannot be read."""
     import tyro
 
+    from creative_nao.cli.flags import FLAGS
+
     complaint = io.StringIO()
     try:
-        with contextlib.redirect_stderr(complaint):
+        with contextlib.redirect_stderr(complaint), FLAGS:
             return tyro.cli(settings_class, prog=f"{PROGRAM} {name}", args=words)
     except SystemExit as error:
         if error.code in (0, None):

@@ -44,19 +44,21 @@ class EvaluateSettings:
     files: tyro.conf.Positional[tuple[Path, ...]] = ()
     """leaderboard: finished run folders; verify: a result file or run folder."""
     out: Path | None = None
-    """Run folder; runs/SUITE-TIMESTAMP unless given. Must be new or empty unless --resume is given."""
+    """Run folder, which must be new or empty unless --resume is given; default: runs/SUITE-TIMESTAMP."""
     seed: int = 0
     """Seed of the whole evaluation; the same seed gives the same results."""
     n_workers: int | None = None
-    """Most processes at a time; the available cores unless given. Has no influence on results."""
+    """Most processes at a time, without influence on results; default: the available cores."""
     resume: bool = False
     """Continue the run folder --out: finished jobs are not done again."""
     json: bool = False
     """Print results.json instead of the table."""
     agents: str | None = None
-    """Only these agents, with commas between: names, shipped bundles, or bundle files of your own."""
+    """Only these agents, with commas between: names, shipped bundles, bundle files, or package.module:factory of your
+    own; default: those of the suite."""
     demonstrations: Path | None = None
-    """transfer: folder of CSV recordings, a basic action each, on which the memories are trained."""
+    """transfer: folder of CSV recordings, a basic action each, on which the memories are trained; default: those of the
+    suite."""
     scheduler: str | None = None
     """Address of a Dask scheduler, such as tcp://node1:8786: jobs run on its workers instead of on this machine."""
     sample: int = 6
@@ -64,7 +66,7 @@ class EvaluateSettings:
     trust: bool = False
     """Import and run the modules that a suite or result file names (package.module:factory): for your own files."""
     row: int | None = None
-    """verify: only this row of the file, counted from 1."""
+    """verify: only this row of the file, counted from 1; default: all."""
     quick: bool = False
     """paper: train a few networks for a short time, to see in minutes what it looks like."""
     retrain: bool = False

@@ -42,7 +42,7 @@ class ExploreSettings:
     """Physical maps of the memories, as `creative-nao map MEMORY --physical` writes them: the page can then colour by
     what the body makes of each movement."""
     session: Path | None = None
-    """JSON file of the favourites; default: one of this user."""
+    """JSON file of the favourites; default: creative_nao/explorer.json in this user's folder for data."""
     html: Path | None = None
     """Write the page as one file that works offline, instead of serving it."""
 

@@ -26,11 +26,11 @@ class InferSettings:
     memory: str = "half/0"
     """Shipped name, such as half/0, or a memory file."""
     out: Path | None = None
-    """Picture to write, PNG, SVG or PDF by its ending: every joint, recorded and regenerated; default: none."""
+    """Picture to write, PNG, SVG or PDF by its ending: every joint, recorded and regenerated."""
     initial_state: bool = False
     """Start in the recording's own first posture and seek the initial state of the slowest layer too."""
     n_restarts: int = 48
-    """Descents side by side."""
+    """Starting points of the search, worked on side by side; the best end is taken."""
     seed: int = 0
     """Seed of the search; one seed, one answer."""
     json: bool = False

@@ -33,7 +33,7 @@ class MapSettings:
     resume: bool = False
     """With --physical: go on where a killed run ended."""
     n_threads: int | None = None
-    """With --physical: movements performed at the same time; by default one a core."""
+    """With --physical: movements performed at the same time; default: one a core."""
     seed: int = 0
     """Seed of the draws of novelty and diversity."""
     json: bool = False

@@ -59,7 +59,7 @@ class TrainSettings:
     checkpoint_interval: int = 5000
     """Epochs from one checkpoint to the next."""
     n_workers: int | None = None
-    """Networks at a time; default: the number of cores. Has no influence on the results."""
+    """Networks trained at the same time, without influence on the results; default: the number of cores."""
     resume: bool = False
     """Go on from checkpoints and finished memories, if there are any."""
     json: bool = False
@@ -187,7 +187,20 @@ def _command(settings: TrainSettings) -> str:
     if settings.schedule != "constant":
         words.append(f"--schedule {settings.schedule}")
     words += [f"--n-epochs {settings.n_epochs}", "--seed " + " ".join(map(str, settings.seed))]
+    words += _changed(settings, ("anneal_epochs", "learning_rate", "engine"))
+    words += _changed(settings.network, [field.name for field in dataclasses.fields(NetworkSettings)], "network.")
     return " ".join([*words, f"--out {settings.out.name}"])
+
+
+def _changed(settings: TrainSettings | NetworkSettings, names: Sequence[str], group: str = "") -> list[str]:
+    """Return the flags of these settings that are not as they are without a flag."""
+    words = []
+    for field in dataclasses.fields(settings):
+        value = getattr(settings, field.name)
+        if field.name in names and value != field.default:
+            told = " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+            words.append(f"--{group}{field.name.replace('_', '-')} {told}")
+    return words
 
 
 def _figures(trained: Trained, demonstrations: Demonstrations) -> dict[str, object]:
