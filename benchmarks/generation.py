@@ -10,7 +10,6 @@ rounds.
 """
 
 import argparse
-import os
 import statistics
 import time
 
@@ -18,6 +17,7 @@ import numpy as np
 import torch
 
 from creative_nao import load_memory
+from creative_nao.cores import usable_cores
 from creative_nao.model.memory import Memory
 from creative_nao.model.parameters import layer_time_constants, neighbour_mask
 from creative_nao.pb_space import pb_grid
@@ -77,8 +77,7 @@ def main() -> None:
         call(pb[:5000])  # compiles
     clock = time.perf_counter if options.wall else time.process_time
     if options.wall:
-        n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        torch.set_num_threads(n_cores)
+        torch.set_num_threads(usable_cores())
     seconds = {name: [] for name in calls}
     for _ in range(options.rounds):
         for name, call in calls.items():

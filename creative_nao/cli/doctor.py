@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from creative_nao.cores import usable_cores
 from creative_nao.provenance import versions
 from creative_nao.robot import headless
 
@@ -39,7 +40,7 @@ def examine() -> dict[str, Any]:
     return {
         "versions": versions(),
         "platform": sys.platform,
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        "cores": usable_cores(),
         "memory_gib": _memory_gib(),
         "display": os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY") or None,
         "mujoco_gl": os.environ.get("MUJOCO_GL") or None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import queue
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from creative_nao.cores import usable_cores
 from creative_nao.envs.performers import Body, Performed, SharedScene
 from creative_nao.errors import SettingsError
 from creative_nao.robot import PhysicalLimits
@@ -31,7 +31,7 @@ class Crew:
     def __init__(self, n_threads: int | None = None) -> None:
         if n_threads is not None and n_threads < 1:
             raise SettingsError(f"`n_threads` should be at least 1 or None, but is {n_threads}")
-        self.n_threads = n_threads or _n_cores()
+        self.n_threads = n_threads or usable_cores()
         self._pool: ThreadPoolExecutor | None = None
 
     def map(self, function: Callable[[Any], Any], pieces: Sequence[Any]) -> list[Any]:
@@ -121,7 +121,3 @@ class Bodies:
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_idle": None, "_guard": None}
-
-
-def _n_cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from creative_nao.cores import usable_cores
 from creative_nao.envs.physical_chart import FIGURES, PhysicalMap
 from creative_nao.errors import SettingsError
 from creative_nao.joints import JOINTS
@@ -49,7 +50,7 @@ class Crowd:
     def __init__(self, n_threads: int | None = None) -> None:
         from creative_nao.robot import Performer, bare_scene
 
-        n_threads = _usable_cores() if n_threads is None else n_threads
+        n_threads = usable_cores() if n_threads is None else n_threads
         if n_threads < 1:
             raise SettingsError(f"`n_threads` should be at least 1, but is {n_threads}")
         scene = bare_scene()
@@ -79,10 +80,6 @@ class Crowd:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _usable_cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def physical_map(

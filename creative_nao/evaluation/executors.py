@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from creative_nao.cores import usable_cores
 from creative_nao.evaluation.jobs import Job
-from creative_nao.evaluation.runner import Progress, available_cores, run_jobs
+from creative_nao.evaluation.runner import Progress, run_jobs
 
 
 class Executor(Protocol):
@@ -45,7 +46,7 @@ class LocalExecutor:
     @classmethod
     def on_all_cores(cls) -> LocalExecutor:
         """Return one that uses every core this process may use."""
-        return cls(available_cores())
+        return cls(usable_cores())
 
     def run(
         self, jobs: Sequence[Job], folder: Path, on_progress: Callable[[Progress], None]

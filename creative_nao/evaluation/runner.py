@@ -51,11 +51,6 @@ class _Worker:
     started: float = field(default_factory=time.monotonic)
 
 
-def available_cores() -> int:
-    """Return how many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def run_jobs(
     jobs: Sequence[Job],
     folder: Path,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import secrets
 import threading
 from typing import Any
 
+from creative_nao.cores import usable_cores
 from creative_nao.explorer.apprentice import Apprentice
 
-PLACES = max(1, (os.cpu_count() or 2) - 1)
+PLACES = max(1, usable_cores() - 1)
 """How many learn at a time; the page keeps a core."""
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import overload
 
+from creative_nao.cores import usable_cores
 from creative_nao.demonstrations import Demonstrations
 from creative_nao.errors import SettingsError, TrainingError
 from creative_nao.measures import Criteria, dtw
@@ -101,7 +101,7 @@ def train_many(
             checkpoint.unlink(missing_ok=True)
         return Trained(training, memory, None)
 
-    with ThreadPoolExecutor(n_workers or _n_cores()) as pool:
+    with ThreadPoolExecutor(n_workers or usable_cores()) as pool:
         futures = [pool.submit(one, training) for training in wanted]
         try:
             done, _ = wait(futures, return_when=FIRST_EXCEPTION)
@@ -125,10 +125,6 @@ def _finished(path: Path, training: TrainingSettings) -> Memory:
     if memory.training != training:
         raise SettingsError(f"{path}: made with other settings ({memory.training}) than those asked for ({training})")
     return memory
-
-
-def _n_cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @overload

@@ -8,19 +8,17 @@ another movement.
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from creative_nao.cores import usable_cores
 from creative_nao.model.config import NetworkSettings
 from creative_nao.model.encoding import SoftmaxEncoding
 from creative_nao.model.parameters import layer_time_constants
 
 LANES = 64
 """Most points side by side: a multiple of `product.PANEL`, and all activations still lie in a fast cache."""
-PAD = 16
-"""Lanes are filled up to a multiple of this, so that no point is computed by a scalar rest of a loop."""
 FEW_POINTS = 2
 """Up to this many points, one at a time is faster than in lanes."""
 SERIAL_BLOCKS = 8
@@ -35,6 +33,16 @@ class ClosedLoopGenerator:
         parameters: By name, shapes as in `parameters.parameter_shapes`, float32; copied.
         encoding: The joints' softmax code.
         initial_posture: Joint angles at tick 0 [rad], shape (n_joints,).
+
+    Attributes:
+        from_sender: Weights w_in, w_out, w_hidden and w_pb with senders in rows, float32.
+        to_receiver: The same with receivers in rows.
+        biases: b_out and b_hidden, float32.
+        starts: First neuron of each hidden layer, and their number, (n_layers + 1,).
+        rate: 1 / time constant of each hidden neuron, float32.
+        references: Reference angles of the code [rad], (n_joints, n_units) float32.
+        initial_posture: As given, float64.
+        initial_code: Its code, (n_codes,) float32.
     """
 
     def __init__(
@@ -44,20 +52,14 @@ class ClosedLoopGenerator:
         encoding: SoftmaxEncoding,
         initial_posture: np.ndarray,
     ) -> None:
-        starts = np.concatenate([[0], np.cumsum(settings.layer_sizes)])
-        layer = np.repeat(np.arange(len(settings.layer_sizes)), settings.layer_sizes)
-        # A neuron hears the contiguous block from the first neuron of the layer before to the last of the layer after.
-        self._first = starts[np.maximum(layer - 1, 0)]
-        self._last = starts[np.minimum(layer + 2, len(starts) - 1)]
-        self._n_fast = settings.layer_sizes[0]
-        self._rate = np.float32(1) / layer_time_constants(settings)
-        self._starts = starts
-        self._from_sender = [parameters[name].copy() for name in ("w_in", "w_out", "w_hidden", "w_pb")]
-        self._to_receiver = [np.ascontiguousarray(weights.T) for weights in self._from_sender]
-        self._biases = parameters["b_out"].copy(), parameters["b_hidden"].copy()
-        self._references = encoding.references.astype(np.float32)
-        self._initial_posture = np.array(initial_posture, dtype=np.float64)
-        self._initial_code = encoding.encode(self._initial_posture).astype(np.float32)
+        self.starts = np.concatenate([[0], np.cumsum(settings.layer_sizes)])
+        self.rate = np.float32(1) / layer_time_constants(settings)
+        self.from_sender = [parameters[name].copy() for name in ("w_in", "w_out", "w_hidden", "w_pb")]
+        self.to_receiver = [np.ascontiguousarray(weights.T) for weights in self.from_sender]
+        self.biases = parameters["b_out"].copy(), parameters["b_hidden"].copy()
+        self.references = encoding.references.astype(np.float32)
+        self.initial_posture = np.array(initial_posture, dtype=np.float64)
+        self.initial_code = encoding.encode(self.initial_posture).astype(np.float32)
 
     def __call__(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
         """Let the network act in its mind from each PB point.
@@ -70,13 +72,13 @@ class ClosedLoopGenerator:
             Joint angles [rad], shape (n, n_steps, n_joints), float64.
         """
         moving = pb if pb.ndim == 3 else pb[:, None, :]
-        out = np.empty((len(pb), n_steps, len(self._references)))
+        out = np.empty((len(pb), n_steps, len(self.references)))
         if len(pb) <= FEW_POINTS:
             for point, trajectory in zip(moving, out, strict=True):
                 trajectory[:] = self._generate_one(point, n_steps)
             return out
         blocks = [slice(start, min(start + LANES, len(pb))) for start in range(0, len(pb), LANES)]
-        n_threads = _n_cores()
+        n_threads = usable_cores()
         if len(blocks) <= SERIAL_BLOCKS or n_threads == 1:
             for block in blocks:
                 out[block] = self._generate_block(moving[block], n_steps)
@@ -91,13 +93,13 @@ class ClosedLoopGenerator:
     def _generate_one(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
         from creative_nao.model.lanes import generate_one
 
-        angles = np.zeros((n_steps, len(self._references)), np.float32)
+        angles = np.zeros((n_steps, len(self.references)), np.float32)
         generate_one(
-            *self._from_sender, *self._biases, self._starts, self._rate,
-            pb.astype(np.float32), self._initial_code, self._references, angles,
+            *self.from_sender, *self.biases, self.starts, self.rate,
+            pb.astype(np.float32), self.initial_code, self.references, angles,
         )  # fmt: skip
         trajectory = angles.astype(np.float64)
-        trajectory[0] = self._initial_posture
+        trajectory[0] = self.initial_posture
         return trajectory
 
     def _generate_block(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
@@ -106,17 +108,11 @@ class ClosedLoopGenerator:
         lanes = -(-len(pb) // PANEL) * PANEL
         points = np.zeros((pb.shape[1], pb.shape[2], lanes), np.float32)
         points[:, :, : len(pb)] = pb.transpose(1, 2, 0)
-        angles = np.zeros((n_steps, len(self._references), lanes), np.float32)
+        angles = np.zeros((n_steps, len(self.references), lanes), np.float32)
         generate_lanes(
-            *self._to_receiver, *self._biases, self._starts, self._rate,
-            points, self._initial_code, self._references, angles,
+            *self.to_receiver, *self.biases, self.starts, self.rate,
+            points, self.initial_code, self.references, angles,
         )  # fmt: skip
         trajectories = angles[:, :, : len(pb)].transpose(2, 0, 1).astype(np.float64)
-        trajectories[:, 0] = self._initial_posture
+        trajectories[:, 0] = self.initial_posture
         return trajectories
-
-
-def _n_cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

@@ -12,23 +12,8 @@ import numpy as np
 
 from creative_nao.model.kernels import F, compiled, exp32, tanh32
 from creative_nao.model.product import PANEL, multiply_panel
+from creative_nao.model.sums import add_inputs, add_outputs
 from creative_nao.model.vectors import at_least, load16, multiply_add, spread16, store
-
-
-@compiled()
-def _add_inputs(weights, first, last, senders, out):
-    """Add the weighted rows of `senders` from `first` to `last` to `out`, four at a time, in ascending order."""
-    n_lanes = out.shape[0]
-    full = first + (last - first) // 4 * 4
-    for k in range(first, full, 4):
-        w0, w1, w2, w3 = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
-        s0, s1, s2, s3 = senders[k], senders[k + 1], senders[k + 2], senders[k + 3]
-        for lane in range(n_lanes):
-            out[lane] = out[lane] + w0 * s0[lane] + w1 * s1[lane] + w2 * s2[lane] + w3 * s3[lane]
-    for k in range(full, last):
-        w, s = weights[k], senders[k]
-        for lane in range(n_lanes):
-            out[lane] += w * s[lane]
 
 
 @compiled()
@@ -114,7 +99,7 @@ def generate_lanes(w_in, w_out, w_hidden, w_pb, b_out, b_hidden, starts, rate, p
             point = pb[min(t, pb.shape[0] - 1)]
             for i in range(n_hidden):
                 drive[i, :] = b_hidden[i]
-                _add_inputs(w_pb[i], 0, n_pb, point, drive[i])
+                add_inputs(w_pb[i], 0, n_pb, point, drive[i])
         _hear(from_fast, 0, n_fast, y, 0, n_fast, bias, code, 0, n_codes, n_lanes)
         _hear(from_x, 0, n_codes, x, 0, n_codes, constant, a, 0, n_fast, n_lanes)
         for layer in range(n_layers):
@@ -128,27 +113,58 @@ def generate_lanes(w_in, w_out, w_hidden, w_pb, b_out, b_hidden, starts, rate, p
 
 
 @compiled()
-def _add_outputs(weights, senders, first, last, out):
-    """Add what `senders[first:last]` send to all of `out`; `weights` has senders in rows. Order as in `_add_inputs`."""
-    n_out = out.shape[0]
-    full = first + (last - first) // 4 * 4
-    for k in range(first, full, 4):
-        w0, w1, w2, w3 = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
-        s0, s1, s2, s3 = senders[k], senders[k + 1], senders[k + 2], senders[k + 3]
-        for i in range(n_out):
-            out[i] = out[i] + w0[i] * s0 + w1[i] * s1 + w2[i] * s2 + w3[i] * s3
-    for k in range(full, last):
-        w, s = weights[k], senders[k]
-        for i in range(n_out):
-            out[i] += w[i] * s
+def unfold_tick(w_in, w_out, w_hidden, starts, rate, references, drive, x, u, y, code, total, angles):
+    """Let the network of one point go one tick on: SIMD over receiving neurons instead of lanes, the same bits.
+
+    Args:
+        w_in, w_out, w_hidden: Weights with senders in rows, float32.
+        starts: First neuron of each hidden layer, and their number, (n_layers + 1,).
+        rate: 1 / time constant of each hidden neuron.
+        references: Reference angles, (n_joints, n_units).
+        drive: Bias and PB input of each hidden neuron.
+        x: Code that the network reads, (n_codes,).
+        u, y: Internal states and activations, (n_hidden,); changed.
+        code: Biases of P_O, (n_codes,), which the predicted code replaces: the next `x` in closed loop.
+        total: Working memory, (n_hidden,).
+        angles: Where the joint angles of the tick go, (n_joints,).
+    """
+    n_codes, n_hidden, n_fast, n_layers = x.shape[0], rate.shape[0], starts[1], starts.shape[0] - 1
+    n_joints, n_units = references.shape
+    add_outputs(w_out, y, 0, n_fast, code)
+    for j in range(n_joints):
+        a = code[j * n_units : (j + 1) * n_units]
+        top = a[0]
+        for k in range(1, n_units):
+            top = max(top, a[k])
+        for k in range(n_units):
+            a[k] = a[k] - top
+    for i in range(n_codes):
+        code[i] = exp32(code[i])
+    for j in range(n_joints):
+        a, reference = code[j * n_units : (j + 1) * n_units], references[j]
+        norm = F(0)
+        for k in range(n_units):
+            norm += a[k]
+        norm = F(1) / norm
+        angle = F(0)
+        for k in range(n_units):
+            a[k] *= norm
+            angle += a[k] * reference[k]
+        angles[j] = angle
+    total[:] = drive
+    add_outputs(w_in, x, 0, n_codes, total[:n_fast])
+    for layer in range(n_layers):  # the layer that sends; it reaches its own and the neighbouring layers
+        low, high = starts[max(layer - 1, 0)], starts[min(layer + 2, n_layers)]
+        add_outputs(w_hidden[:, low:high], y, starts[layer], starts[layer + 1], total[low:high])
+    for i in range(n_hidden):
+        u[i] = multiply_add(F(1) - rate[i], u[i], rate[i] * total[i])
+    for i in range(n_hidden):
+        y[i] = tanh32(u[i])
 
 
 @compiled()
 def generate_one(w_in, w_out, w_hidden, w_pb, b_out, b_hidden, starts, rate, pb, code0, references, angles):
-    """Run the network in closed loop for one point: SIMD over receiving neurons instead of lanes, the same bits.
-
-    Every neuron adds its inputs one after the other in the order of `generate_lanes`, so the results are equal to the
-    last bit.
+    """Run the network in closed loop for one point, with the bits that `generate_lanes` gives it.
 
     Args:
         w_in, w_out, w_hidden, w_pb: Weights with senders in rows, float32.
@@ -160,48 +176,17 @@ def generate_one(w_in, w_out, w_hidden, w_pb, b_out, b_hidden, starts, rate, pb,
         references: Reference angles, (n_joints, n_units).
         angles: Where the joint angles go, (n_steps, n_joints); row 0 is not written.
     """
-    n_steps, n_joints = angles.shape
-    n_codes, n_hidden, n_fast, n_layers = code0.shape[0], rate.shape[0], starts[1], starts.shape[0] - 1
-    n_units = n_codes // n_joints
+    n_codes, n_hidden = code0.shape[0], rate.shape[0]
     x = code0.copy()
     code = np.empty(n_codes, np.float32)
     y = np.zeros(n_hidden, np.float32)
     u = np.zeros(n_hidden, np.float32)
     drive = np.empty(n_hidden, np.float32)
     total = np.empty(n_hidden, np.float32)
-    for t in range(1, n_steps):
+    for t in range(1, angles.shape[0]):
         if t == 1 or pb.shape[0] > 1:
             drive[:] = b_hidden
-            _add_outputs(w_pb, pb[min(t, pb.shape[0] - 1)], 0, pb.shape[1], drive)
+            add_outputs(w_pb, pb[min(t, pb.shape[0] - 1)], 0, pb.shape[1], drive)
         code[:] = b_out
-        _add_outputs(w_out, y, 0, n_fast, code)
-        for j in range(n_joints):
-            a, reference = code[j * n_units : (j + 1) * n_units], references[j]
-            top = a[0]
-            for k in range(1, n_units):
-                top = max(top, a[k])
-            for k in range(n_units):
-                a[k] = a[k] - top
-        for i in range(n_codes):
-            code[i] = exp32(code[i])
-        for j in range(n_joints):
-            a, reference = code[j * n_units : (j + 1) * n_units], references[j]
-            norm = F(0)
-            for k in range(n_units):
-                norm += a[k]
-            norm = F(1) / norm
-            angle = F(0)
-            for k in range(n_units):
-                a[k] *= norm
-                angle += a[k] * reference[k]
-            angles[t, j] = angle
-        total[:] = drive
-        _add_outputs(w_in, x, 0, n_codes, total[:n_fast])
-        for layer in range(n_layers):  # the layer that sends; it reaches its own and the neighbouring layers
-            low, high = starts[max(layer - 1, 0)], starts[min(layer + 2, n_layers)]
-            _add_outputs(w_hidden[:, low:high], y, starts[layer], starts[layer + 1], total[low:high])
-        for i in range(n_hidden):
-            u[i] = multiply_add(F(1) - rate[i], u[i], rate[i] * total[i])
-        for i in range(n_hidden):
-            y[i] = tanh32(u[i])
+        unfold_tick(w_in, w_out, w_hidden, starts, rate, references, drive, x, u, y, code, total, angles[t])
         x, code = code, x

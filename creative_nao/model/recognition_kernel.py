@@ -11,23 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from creative_nao.model.kernels import F, compiled, exp32, tanh32
+from creative_nao.model.sums import add_inputs
 from creative_nao.model.vectors import multiply_add
-
-
-@compiled()
-def _add_inputs(weights, first, last, senders, out):
-    """Add the weighted rows of `senders` from `first` to `last` to `out`, four at a time."""
-    n_lanes = out.shape[0]
-    full = first + (last - first) // 4 * 4
-    for k in range(first, full, 4):
-        w0, w1, w2, w3 = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
-        s0, s1, s2, s3 = senders[k], senders[k + 1], senders[k + 2], senders[k + 3]
-        for lane in range(n_lanes):
-            out[lane] = out[lane] + w0 * s0[lane] + w1 * s1[lane] + w2 * s2[lane] + w3 * s3[lane]
-    for k in range(full, last):
-        w, s = weights[k], senders[k]
-        for lane in range(n_lanes):
-            out[lane] += w * s[lane]
 
 
 @compiled()
@@ -111,7 +96,7 @@ def generate_with_slopes(
     for i in range(n_hidden):
         u[i, :n_lanes] = state0[i]
         drive[i, :n_lanes] = b_hidden[i]
-        _add_inputs(w_pb[i], 0, n_pb, pb, drive[i, :n_lanes])
+        add_inputs(w_pb[i], 0, n_pb, pb, drive[i, :n_lanes])
         for k in range(n_pb):
             drive[i, (k + 1) * n_lanes : (k + 2) * n_lanes] = w_pb[i, k]
     for k in range(n_pb, n_unknown):
@@ -131,7 +116,7 @@ def generate_with_slopes(
             row = code[i]
             row[:n_lanes] = b_out[i]
             row[n_lanes:] = F(0)
-            _add_inputs(w_out[i], 0, n_fast, y, row)
+            add_inputs(w_out[i], 0, n_fast, y, row)
         for j in range(n_joints):
             _softmax_and_angle(
                 code[j * n_units : (j + 1) * n_units], n_lanes, references[j], angles[t + 1, j], slopes[t + 1, j]
@@ -141,8 +126,8 @@ def generate_with_slopes(
             for lane in range(width):
                 total[lane] = constant[lane]
             if i < n_fast:
-                _add_inputs(w_in[i], 0, n_codes, x, total)
-            _add_inputs(w_hidden[i], first[i], last[i], y, total)
+                add_inputs(w_in[i], 0, n_codes, x, total)
+            add_inputs(w_hidden[i], first[i], last[i], y, total)
             for lane in range(width):
                 state[lane] = multiply_add(F(1) - rate[i], state[lane], rate[i] * total[lane])
         x, code = code, x  # closed loop: the prediction is the next input

@@ -9,7 +9,6 @@ import numpy as np
 from creative_nao.model.config import NetworkSettings
 from creative_nao.model.encoding import SoftmaxEncoding
 from creative_nao.model.generation import ClosedLoopGenerator
-from creative_nao.model.parameters import layer_time_constants
 
 PAD = 16
 """Lanes are filled up to a multiple of this: one 512-bit register of float32."""
@@ -53,18 +52,14 @@ class DifferentiableGenerator:
     ) -> None:
         self.from_pb = ClosedLoopGenerator(settings, parameters, encoding, initial_posture)
         """Generates from PB values alone, without derivatives: (n, n_pb) into (n, n_steps, n_joints) [rad]."""
-        starts = np.concatenate([[0], np.cumsum(settings.layer_sizes)])
+        starts = self.from_pb.starts
         layer = np.repeat(np.arange(len(settings.layer_sizes)), settings.layer_sizes)
         # A neuron hears the contiguous block from the first neuron of the layer before to the last of the layer after.
         heard = starts[np.maximum(layer - 1, 0)], starts[np.minimum(layer + 2, len(starts) - 1)]
-        weights = [np.ascontiguousarray(parameters[name].T) for name in ("w_in", "w_out", "w_hidden", "w_pb")]
-        biases = parameters["b_out"], parameters["b_hidden"]
-        rate = np.float32(1) / layer_time_constants(settings)
-        self._network = (*weights, *biases, settings.layer_sizes[0], *heard, rate)
+        weights, biases = self.from_pb.to_receiver, self.from_pb.biases
+        self._network = (*weights, *biases, settings.layer_sizes[0], *heard, self.from_pb.rate)
         self._n_hidden, self._slow = settings.n_hidden, int(starts[-2])
-        self._references = encoding.references.astype(np.float32)
-        self._initial_posture = np.array(initial_posture, dtype=np.float64)
-        self._initial_code = encoding.encode(self._initial_posture).astype(np.float32)
+        self._references, self._initial_code = self.from_pb.references, self.from_pb.initial_code
 
     @property
     def n_slow(self) -> int:
@@ -81,7 +76,7 @@ class DifferentiableGenerator:
             return self.from_pb(unknowns, n_steps)
         blocks = [self._block(unknowns[k : k + BLOCK], n_pb, n_steps)[0] for k in range(0, len(unknowns), BLOCK)]
         found = np.concatenate(blocks, axis=-1).transpose(2, 0, 1).astype(np.float64)
-        found[:, 0] = self._initial_posture
+        found[:, 0] = self.from_pb.initial_posture
         return found
 
     def normal_equations(self, unknowns: np.ndarray, n_pb: int, target: np.ndarray) -> NormalEquations:

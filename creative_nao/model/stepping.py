@@ -12,9 +12,10 @@ import numpy as np
 
 from creative_nao.errors import ShapeError
 from creative_nao.model.generation import ClosedLoopGenerator
-from creative_nao.model.kernels import F, compiled, exp32, tanh32
-from creative_nao.model.lanes import _add_outputs
+from creative_nao.model.kernels import compiled
+from creative_nao.model.lanes import unfold_tick
 from creative_nao.model.memory import Memory
+from creative_nao.model.sums import add_outputs
 
 
 @dataclass(eq=False)
@@ -51,9 +52,9 @@ class Stepper:
         generator = ClosedLoopGenerator(
             memory.network, memory.parameters, memory.encoding, memory.demonstrations.initial_posture
         )
-        self._weights = (*generator._from_sender, *generator._biases, generator._starts, generator._rate)
-        self._references = generator._references
-        self._posture, self._code = generator._initial_posture, generator._initial_code
+        self._weights = (*generator.from_sender, *generator.biases, generator.starts, generator.rate)
+        self._references = generator.references
+        self._posture, self._code = generator.initial_posture, generator.initial_code
         self._n_pb, self._n_hidden = memory.network.n_pb, memory.network.n_hidden
         self.n_slow = memory.network.layer_sizes[-1]
 
@@ -101,46 +102,15 @@ class Stepper:
 @compiled()
 def _advance(w_in, w_out, w_hidden, w_pb, b_out, b_hidden, starts, rate, pb, references, first, xs, us, ys, angles):
     """Run every movement from posture `first` of `angles` on: the ticks of `lanes.generate_one`, the state kept."""
-    n_points, n_ticks, n_joints = angles.shape
-    n_codes, n_hidden, n_fast, n_layers = xs.shape[1], rate.shape[0], starts[1], starts.shape[0] - 1
-    n_units = n_codes // n_joints
-    code = np.empty(n_codes, np.float32)
-    drive = np.empty(n_hidden, np.float32)
-    total = np.empty(n_hidden, np.float32)
+    n_points, n_ticks, _ = angles.shape
+    code = np.empty(xs.shape[1], np.float32)
+    drive = np.empty(rate.shape[0], np.float32)
+    total = np.empty(rate.shape[0], np.float32)
     for point in range(n_points):
         x, u, y = xs[point], us[point], ys[point]
         drive[:] = b_hidden
-        _add_outputs(w_pb, pb[point], 0, pb.shape[1], drive)
+        add_outputs(w_pb, pb[point], 0, pb.shape[1], drive)
         for t in range(first, n_ticks):
             code[:] = b_out
-            _add_outputs(w_out, y, 0, n_fast, code)
-            for j in range(n_joints):
-                a = code[j * n_units : (j + 1) * n_units]
-                top = a[0]
-                for k in range(1, n_units):
-                    top = max(top, a[k])
-                for k in range(n_units):
-                    a[k] = a[k] - top
-            for i in range(n_codes):
-                code[i] = exp32(code[i])
-            for j in range(n_joints):
-                a, reference = code[j * n_units : (j + 1) * n_units], references[j]
-                norm = F(0)
-                for k in range(n_units):
-                    norm += a[k]
-                norm = F(1) / norm
-                angle = F(0)
-                for k in range(n_units):
-                    a[k] *= norm
-                    angle += a[k] * reference[k]
-                angles[point, t, j] = angle
-            total[:] = drive
-            _add_outputs(w_in, x, 0, n_codes, total[:n_fast])
-            for layer in range(n_layers):
-                low, high = starts[max(layer - 1, 0)], starts[min(layer + 2, n_layers)]
-                _add_outputs(w_hidden[:, low:high], y, starts[layer], starts[layer + 1], total[low:high])
-            for i in range(n_hidden):
-                u[i] = (F(1) - rate[i]) * u[i] + rate[i] * total[i]
-            for i in range(n_hidden):
-                y[i] = tanh32(u[i])
+            unfold_tick(w_in, w_out, w_hidden, starts, rate, references, drive, x, u, y, code, total, angles[point, t])
             x[:] = code

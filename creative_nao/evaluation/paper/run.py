@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from creative_nao import atomic
+from creative_nao.cores import usable_cores
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.evaluation.folder import RECORD, hashes, read_record, refuse_links, write_record
 from creative_nao.evaluation.paper.bank import Entry, Report, label, shipped_bank, train_bank, wanted_networks
@@ -28,7 +29,6 @@ from creative_nao.evaluation.paper.sensitivity import (
 from creative_nao.evaluation.paper.settings import PaperSettings
 from creative_nao.evaluation.paper.summary import make_results, networks_csv
 from creative_nao.evaluation.paper.threads import in_threads
-from creative_nao.evaluation.runner import available_cores
 from creative_nao.model import CONDITIONS
 from creative_nao.provenance import record
 
@@ -77,7 +77,7 @@ def reproduce(
         TrainingError: If every network of a condition failed.
         KeyboardInterrupt: After Ctrl-C; what is done stays, checkpoints too.
     """
-    cores = available_cores() if n_workers is None else n_workers
+    cores = usable_cores() if n_workers is None else n_workers
     if cores < 1:
         raise SettingsError(f"`n_workers` should be at least 1, but is {cores}")
     kept = _open(folder, settings, resume=resume, command=command)
