@@ -245,7 +245,7 @@ class _Display:
         left = f"{_duration(progress.seconds_left)} left"
         work = ", ".join(progress.running)
         if self.console.is_terminal:
-            # The bar follows the expected work, the numbers before it count jobs.
+            # Jobs are counted; how far the running ones are shows in the time left.
             self.bar.update(self.task, total=progress.n_total, completed=progress.n_done, left=left, work=work)
         elif progress.running and (progress.n_done != self.n_done or time.monotonic() - self.last >= PLAIN_EVERY_S):
             self.last, self.n_done = time.monotonic(), progress.n_done

@@ -38,7 +38,8 @@ def open_folder(
         FileFormatError: If the record is damaged.
     """
     settings = json.loads(json.dumps({"suite": dataclasses.asdict(suite), "seed": base_seed}))
-    fresh = {**record(settings=settings, command=command), "memories": memory_hashes(suite)}
+    # "memories" is the name in the records published so far; bundles and demonstrations came to it later.
+    fresh = {**record(settings=settings, command=command), "memories": input_hashes(suite)}
     path = folder / RECORD
     if not resume:
         if _holds_something(folder):
@@ -98,7 +99,7 @@ def write_record(folder: Path, content: dict[str, Any]) -> Path:
     return atomic.write_text(folder / RECORD, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
-def memory_hashes(suite: Suite) -> dict[str, str]:
+def input_hashes(suite: Suite) -> dict[str, str]:
     """Return the SHA-256 of each file that a suite brings: memories, bundles and demonstrations.
 
     Names that only an environment knows are left out, and so are memories that the suite itself trains.
@@ -138,7 +139,7 @@ def _same_run(folder: Path, found: dict[str, Any], fresh: dict[str, Any]) -> Non
     for name, digest in fresh["memories"].items():
         if found.get("memories", {}).get(name) != digest:
             raise SettingsError(
-                f"{folder} was started with another memory {name}: its file has changed since; choose another folder"
+                f"{folder} was started with another file {name}, which has changed since; choose another folder"
             )
     for package, version in fresh["versions"].items():
         if found["versions"].get(package) != version:

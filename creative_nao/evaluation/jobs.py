@@ -1,4 +1,7 @@
-"""A suite cut into jobs: plain data that a process of its own turns into a result file."""
+"""A suite cut into jobs: plain data that a process of its own turns into a result file.
+
+`work.py` does what a job's kind says and reads its spec by the names given here.
+"""
 
 from __future__ import annotations
 

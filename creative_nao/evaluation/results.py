@@ -79,21 +79,21 @@ def collect(suite: Suite, results: Iterable[Mapping[str, Any]]) -> Measured:
 
     Args:
         suite: What was evaluated.
-        results: Pairs of `spec` and `result` under these names, of all jobs.
+        results: Of all jobs, each with its `kind`, `spec` and `result` under these names.
     """
     episodes: list[Episode] = []
     trainings: list[Training] = []
     oracles: dict[str, Oracle] = {}
     for entry in results:
-        spec, result = entry["spec"], entry["result"]
-        if "episodes" in result:
+        kind, spec, result = entry["kind"], entry["spec"], entry["result"]
+        if kind == "play":
             episodes += [episode_from_json(values) for values in result["episodes"]]
-        elif "oracle_rewards" in result:
+        elif kind == "chart":
             chosen = tuple((first, second) for first, second in result["oracle_pb"])
             earned = tuple(result["oracle_rewards"])
             memory = spec["memory"]["name"]
             oracles[memory] = Oracle(memory, chosen, earned, result["shares_pct"])
-        elif "n_actions" in result:
+        elif kind == "train":
             curve = tuple(result["n_actions"]), tuple(result["reward"])
             trainings.append(Training(spec["agent"], spec["memory"]["name"], spec["seed"], *curve, result["seconds"]))
     episodes.sort(

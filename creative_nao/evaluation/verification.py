@@ -14,7 +14,7 @@ import numpy as np
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.executors import Executor, LocalExecutor
-from creative_nao.evaluation.folder import memory_hashes, read_record
+from creative_nao.evaluation.folder import input_hashes, read_record
 from creative_nao.evaluation.jobs import Job, plan
 from creative_nao.evaluation.protocol import episode_from_json
 from creative_nao.evaluation.result_checks import naming
@@ -189,7 +189,7 @@ def _jobs(suite: Suite, base_seed: int, wanted: set[tuple[str, str, int]]) -> li
 
 def _differences(suite: Suite, record: Mapping[str, Any]) -> list[str]:
     try:
-        files = memory_hashes(suite)
+        files = input_hashes(suite)
     except OSError as error:
         raise NotFoundError(f"{error.filename}: {error.strerror}") from None
     changed = [

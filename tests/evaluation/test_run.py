@@ -91,7 +91,7 @@ def test_the_record_makes_the_run_repeatable(finished):
 def episodes_of(suite, folder, seed, n_workers):
     jobs = plan(suite, base_seed=seed)
     done = run_jobs(jobs, folder, n_workers=n_workers)
-    measured = collect(suite, [{"spec": job.spec, "result": done[job.name]} for job in jobs])
+    measured = collect(suite, [{"kind": job.kind, "spec": job.spec, "result": done[job.name]} for job in jobs])
     return [dataclasses.replace(episode, seconds=0.0) for episode in measured.episodes]
 
 
@@ -174,7 +174,7 @@ def test_a_memory_that_changed_is_not_mixed_with_itself(make_suite, tmp_path):
     open_folder(tmp_path / "run", suite, base_seed=0, resume=False)
     open_folder(tmp_path / "run", suite, base_seed=0, resume=True)
     memory.write_bytes(b"two")
-    with pytest.raises(SettingsError, match=r"was started with another memory .*: its file has changed since"):
+    with pytest.raises(SettingsError, match=r"was started with another file .*, which has changed since"):
         open_folder(tmp_path / "run", suite, base_seed=0, resume=True)
 
 
