@@ -109,7 +109,7 @@ class BoxingEnv(RepertoireEnv):
         check_arms(self.memory.demonstrations.joints)
 
     def _make_performer(self) -> Body:
-        return Body(self._place, self.limits)
+        return Body(self._shared, self.limits)
 
     @property
     def performer(self) -> Any:

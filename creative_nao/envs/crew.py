@@ -78,12 +78,12 @@ class Bodies:
 
     Args:
         crew: The threads.
-        place: Where the robots stand.
+        shared: Where the robots stand.
         limits: From where on a performance counts as failed.
     """
 
-    def __init__(self, crew: Crew, place: SharedScene, limits: PhysicalLimits) -> None:
-        self._crew, self._place, self.limits = crew, place, limits
+    def __init__(self, crew: Crew, shared: SharedScene, limits: PhysicalLimits) -> None:
+        self._crew, self._shared, self.limits = crew, shared, limits
         self._idle: queue.SimpleQueue[Body] | None = None
         self._guard: np.ndarray | None = None
 
@@ -113,7 +113,7 @@ class Bodies:
         if self._idle is None:
             self._idle = queue.SimpleQueue()
             for _ in range(self._crew.n_threads):
-                body = Body(self._place, self.limits)
+                body = Body(self._shared, self.limits)
                 body.reset()
                 self._guard = body.get_state()
                 self._idle.put(body)

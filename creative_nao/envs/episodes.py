@@ -21,7 +21,8 @@ from creative_nao.measures import Criteria
 
 _OUTCOMES = np.array(OUTCOMES, dtype=object)
 _PLACE = {name: place for place, name in enumerate(OUTCOMES)}
-_LEARNED, _UNLEARNED, _FLUCTUATING, _NON_MOVING = range(4)
+_LEARNED, _UNLEARNED = _PLACE["learned"], _PLACE["unlearned"]
+_FLUCTUATING, _NON_MOVING = _PLACE["fluctuating"], _PLACE["non_moving"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,8 @@ class Episodes:
             network = getattr(first.memory, "network", None)
             if network is None:
                 raise SettingsError(
-                    "`memory` should be a `creative_nao.Memory`, whose network can be stopped between ticks"
+                    "`memory` should be a `creative_nao.Memory`, whose network can be stopped between ticks, "
+                    f"but is a {type(first.memory).__name__}"
                 )
             n_slow = network.layer_sizes[-1]
         self.parts: tuple[Part, ...] = layout(
@@ -176,9 +178,7 @@ class Episodes:
             ShapeError: If an angle is not finite.
         """
         too_fast, excursion = np.zeros(len(robots), bool), np.zeros(len(robots))
-        bad = judge_rows(
-            robots, generated, trajectories, self._dt_s, self._speed_limit, too_fast, excursion
-        )  # fmt: skip
+        bad = judge_rows(robots, generated, trajectories, self._dt_s, self._speed_limit, too_fast, excursion)
         if bad >= 0:
             raise ShapeError(
                 f"a memory should generate, and a robot measure, finite angles, but movement {bad} of "

@@ -8,13 +8,11 @@ import numpy as np
 
 from creative_nao.envs.bank import MemoryLike
 from creative_nao.envs.performers import Body, Mind, check_arms
-from creative_nao.envs.repertoire_env import EPISODE_ACTIONS, RepertoireEnv, checked_pb
+from creative_nao.envs.repertoire_env import EPISODE_ACTIONS, ONLY_ROBOT, RepertoireEnv, checked_pb
 from creative_nao.envs.state import EnvState
 from creative_nao.envs.unfolding import Movements
 from creative_nao.measures import Criteria
 from creative_nao.robot import PhysicalLimits
-
-_ONE = np.zeros(1, np.int64)
 
 
 class BoxingModulationEnv(RepertoireEnv):
@@ -120,7 +118,7 @@ class BoxingModulationEnv(RepertoireEnv):
         self._movements = Movements(self._episodes)
 
     def _make_performer(self) -> Mind | Body:
-        return Body(self._place, self.limits) if self.physics else Mind(self._place)
+        return Body(self._shared, self.limits) if self.physics else Mind(self._shared)
 
     @property
     def n_decisions(self) -> int:
@@ -149,21 +147,21 @@ class BoxingModulationEnv(RepertoireEnv):
         """
         pb = checked_pb(action, self.action_space.shape)
         movements = self._movements
-        movements.advance(_ONE, pb[None])
+        movements.advance(ONLY_ROBOT, pb[None])
         info: dict[str, Any] = {
             "pb": pb,
             "step": int(self._episodes.n_actions[0]) * self.n_decisions + int(movements.n_decided[0]),
-            "tick": int(movements.tick(_ONE)[0]),
-            "posture": movements.posture(_ONE)[0],
+            "tick": int(movements.tick(ONLY_ROBOT)[0]),
+            "posture": movements.posture(ONLY_ROBOT)[0],
         }
         reward = 0.0
-        if movements.finished(_ONE)[0]:
-            path = movements.pb_paths(_ONE)
-            reward, terms = self._finish(path, movements.trajectories(_ONE))
+        if movements.finished(ONLY_ROBOT)[0]:
+            path = movements.pb_paths(ONLY_ROBOT)
+            reward, terms = self._finish(path, movements.trajectories(ONLY_ROBOT))
             info.update(terms, pb_path=path[0])
             movements.next(0)
         done = (int(self._episodes.n_actions[0]) + int(movements.n_decided[0]) / self.n_decisions) / self.n_actions
-        movements.tell(_ONE, pb[None], np.array([min(done, 1.0)]))
+        movements.tell(ONLY_ROBOT, pb[None], np.array([min(done, 1.0)]))
         if self.render_mode == "human":
             self.render()
         truncated = int(self._episodes.n_actions[0]) >= self.n_actions

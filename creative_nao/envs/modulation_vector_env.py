@@ -33,7 +33,7 @@ class BoxingModulationVectorEnv(RepertoireVectorEnv):
         self.physics = physics
         if physics:
             check_arms(self._episodes.bank.first.demonstrations.joints)
-            self._performer = Bodies(self._crew, self._place, PhysicalLimits() if limits is None else limits)
+            self._performer = Bodies(self._crew, self._shared, PhysicalLimits() if limits is None else limits)
         self._movements = Movements(self._episodes)
 
     def _begin(self, robots: np.ndarray, wanted: str | None = None) -> None:
@@ -58,9 +58,9 @@ class BoxingModulationVectorEnv(RepertoireVectorEnv):
         if len(through):
             who = robots[through]
             path = movements.pb_paths(who)
-            scored, told = self._finish(who, path, movements.trajectories(who))
+            scored, scored_terms = self._finish(who, path, movements.trajectories(who))
             rewards[through] = scored.reward
-            finished = {"robots": who, **told, "pb_path": path}
+            finished = {"robots": who, **scored_terms, "pb_path": path}
             for robot in who:
                 movements.next(robot)
         done = (episodes.n_actions[robots] + movements.n_decided[robots] / n) / self.n_actions

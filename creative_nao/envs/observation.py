@@ -8,21 +8,14 @@ from typing import Any
 import numpy as np
 from gymnasium.spaces import Box
 
+from creative_nao import measures
 from creative_nao.errors import SettingsError
+from creative_nao.measures.score import APPROPRIATE
 
-OUTCOMES = (
-    "learned",
-    "unlearned",
-    "fluctuating",
-    "non_moving",
-    "joint_limit",
-    "torque_saturated",
-    "tracking_error",
-    "self_collision",
-    "fell",
-)
-"""Every outcome of an action, mental or physical, in the order of the observation. The first two are appropriate."""
-APPROPRIATE = OUTCOMES[:2]
+OF_THE_BODY = ("joint_limit", "torque_saturated", "tracking_error", "self_collision", "fell")
+"""Outcomes that only a body has; `robot.first_failure` says which comes first where several hold."""
+OUTCOMES = (*measures.OUTCOMES, *OF_THE_BODY)
+"""Every outcome of an action, mental or physical, in the order of the observation, where the appropriate ones lead."""
 N_CELLS = 8
 """Coverage of the PB space is told in N_CELLS x N_CELLS cells."""
 

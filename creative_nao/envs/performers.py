@@ -15,6 +15,7 @@ from creative_nao.joints import JOINTS
 from creative_nao.robot import PhysicalLimits, first_failure
 
 if TYPE_CHECKING:
+    from creative_nao.robot.performance import Performance
     from creative_nao.robot.playback import Performer
     from creative_nao.robot.scene import Scene
 
@@ -58,8 +59,8 @@ class SharedScene:
 class Mind:
     """Imagines: what is generated is what is scored."""
 
-    def __init__(self, place: SharedScene) -> None:
-        self._place = place
+    def __init__(self, shared: SharedScene) -> None:
+        self._shared = shared
 
     def perform(self, generated: np.ndarray, dt_s: float, joints: tuple[str, ...], keep_frames: bool) -> Performed:
         """Take a trajectory (n_steps, n_joints) [rad] as performed.
@@ -76,7 +77,7 @@ class Mind:
             )
         from creative_nao.robot.film import imagined_frames
 
-        frames = imagined_frames(self._place.scene, generated, dt_s, frame_dt_s=FRAME_DT_S)
+        frames = imagined_frames(self._shared.scene, generated, dt_s, frame_dt_s=FRAME_DT_S)
         return Performed(generated, frames=frames)
 
 
@@ -84,12 +85,12 @@ class Body:
     """Lets the NAO perform what was generated; what its encoders measured is scored.
 
     Args:
-        place: Where it stands.
+        shared: Where it stands.
         limits: From where on a performance counts as failed.
     """
 
-    def __init__(self, place: SharedScene, limits: PhysicalLimits) -> None:
-        self._place, self.limits = place, limits
+    def __init__(self, shared: SharedScene, limits: PhysicalLimits) -> None:
+        self._shared, self.limits = shared, limits
         self._kept: np.ndarray | None = None
 
     @functools.cached_property
@@ -97,7 +98,7 @@ class Body:
         """The robot in its ring, built when first needed."""
         from creative_nao.robot.playback import Performer
 
-        performer = Performer(self._place.scene)
+        performer = Performer(self._shared.scene)
         if self._kept is not None:
             performer.set_state(self._kept)
         return performer
@@ -105,16 +106,7 @@ class Body:
     def perform(self, generated: np.ndarray, dt_s: float, joints: tuple[str, ...], keep_frames: bool) -> Performed:
         """Perform a trajectory (n_steps, 8) [rad]."""
         done = self.performer.perform(generated, dt_s, keep_frames=keep_frames)
-        figures = {
-            "commanded": generated,
-            "tracking_error": float(done.mean_error_rad.max()),
-            "torque_saturated": float(done.saturated_share.max()),
-            "self_collision": done.self_collision_share,
-            "fell": done.fell,
-            "hits": done.hits.count,
-            "hit_impulse": done.hits.impulse_ns,
-            "fist_speed": float(done.fist_peak_speed_m_s.max()),
-        }
+        figures = {"commanded": generated, **body_figures(done)}
         return Performed(done.measured, first_failure(done, self.limits), figures, done.frames, done.frame_dt_s)
 
     def reset(self) -> None:
@@ -133,7 +125,20 @@ class Body:
 
     def __getstate__(self) -> dict[str, Any]:
         kept = self.get_state() if "performer" in self.__dict__ else self._kept
-        return {"_place": self._place, "limits": self.limits, "_kept": kept}
+        return {"_shared": self._shared, "limits": self.limits, "_kept": kept}
+
+
+def body_figures(done: Performance) -> dict[str, Any]:
+    """Return what `info` and physical maps tell of a performance, in the units of `BoxingEnv`'s page."""
+    return {
+        "tracking_error": float(done.mean_error_rad.max()),
+        "torque_saturated": float(done.saturated_share.max()),
+        "self_collision": done.self_collision_share,
+        "fell": done.fell,
+        "hits": done.hits.count,
+        "hit_impulse": done.hits.impulse_ns,
+        "fist_speed": float(done.fist_peak_speed_m_s.max()),
+    }
 
 
 def check_arms(joints: tuple[str, ...]) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from creative_nao.atomic import write_bytes
-from creative_nao.envs.observation import OUTCOMES
+from creative_nao.envs.observation import APPROPRIATE, OF_THE_BODY, OUTCOMES
 from creative_nao.errors import FileFormatError, NotFoundError
 from creative_nao.fields import only_arrays, shown
 from creative_nao.npz import read_npz, take_array, take_header, take_record
@@ -23,7 +23,6 @@ KIND = "physical PB map"
 MAX_RESOLUTION = 4000
 MAX_FIGURE = 1e30
 """Largest figure of a file; float32 ends at 3e38."""
-APPROPRIATE = ("learned", "unlearned")
 
 FIGURES: dict[str, str] = {
     "tracking_error": "mean error of the worst joint [rad]",
@@ -108,7 +107,7 @@ class PhysicalMap:
             "physical_of_mental_pct": 100.0 * int(both.sum()) / n_mental if n_mental else None,
             **{f"{name}_pct": self.share_pct(name) for name in OUTCOMES},
             "refused_of_mental_pct": {
-                name: 100.0 * float(np.mean(refused == name)) if n_mental else None for name in OUTCOMES[4:]
+                name: 100.0 * float(np.mean(refused == name)) if n_mental else None for name in OF_THE_BODY
             },
             "with_a_hit_pct": 100.0 * float(np.mean(self.figures["hits"] > 0)),
             "median": {name: float(np.median(values)) for name, values in self.figures.items() if name != "fell"},

@@ -14,11 +14,12 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from creative_nao.cores import usable_cores
+from creative_nao.envs.performers import body_figures
 from creative_nao.envs.physical_chart import FIGURES, PhysicalMap
 from creative_nao.errors import SettingsError
 from creative_nao.joints import JOINTS
@@ -38,7 +39,7 @@ BLOCK = 256
 
 
 class Crowd:
-    """Several robots of one scene that perform movements side by side, one a thread.
+    """Several robots of one scene that perform movements side by side, one a thread: `crew.Bodies` without a picture.
 
     MuJoCo steps without holding Python back, so two threads on two free cores perform twice as much. A movement gives
     the same bits as `Performer.perform` gives alone, whichever thread performs it.
@@ -159,7 +160,10 @@ def _blank(memory: Memory, resolution: int, criteria: Criteria, limits: Physical
 
 
 def fingerprint(memory: Memory) -> str:
-    """Return what tells memories apart that share a name: a hash of weights and basic actions."""
+    """Return what tells memories apart that share a name: a hash of network settings, weights and basic actions.
+
+    Physical maps hold it, so it stays as it is; the explorer has another (`explorer.maps.content_hash`).
+    """
     digest = hashlib.sha256(json.dumps(vars(memory.network), sort_keys=True, default=str).encode())
     for array in (
         *(memory.parameters[name] for name in sorted(memory.parameters)),
@@ -211,7 +215,7 @@ def _outcomes(
     memory: Memory,
     criteria: Criteria,
 ) -> np.ndarray:
-    """Name the outcomes as `RepertoireEnv` does: speed on the command, then the body, then what was measured."""
+    """Name the outcomes as `Episodes.score` does: speed on the command, then the body, then what was measured."""
     outcome = np.where(distance <= criteria.learned_threshold, "learned", "unlearned").astype("<U16")
     outcome[is_non_moving(measured, memory.demonstrations, criteria)] = "non_moving"
     outcome = np.where(faults == "", outcome, faults)
@@ -219,15 +223,7 @@ def _outcomes(
     return outcome
 
 
-def _figures(done: list[Performance]) -> dict[str, Any]:
-    """Return the figures that the environment tells in `info`, one array each (see `physical_chart.FIGURES`)."""
-    return {
-        "tracking_error": [one.mean_error_rad.max() for one in done],
-        "torque_saturated": [one.saturated_share.max() for one in done],
-        "self_collision": [one.self_collision_share for one in done],
-        "limit_excess": [one.limit_excess_rad for one in done],
-        "fell": [one.fell for one in done],
-        "hits": [one.hits.count for one in done],
-        "hit_impulse": [one.hits.impulse_ns for one in done],
-        "fist_speed": [one.fist_peak_speed_m_s.max() for one in done],
-    }
+def _figures(done: list[Performance]) -> dict[str, list[float]]:
+    """Return the figures of `physical_chart.FIGURES`, a list each: those of an environment's `info` and one more."""
+    told = [{**body_figures(one), "limit_excess": one.limit_excess_rad} for one in done]
+    return {name: [one[name] for one in told] for name in FIGURES}

@@ -20,7 +20,8 @@ from creative_nao.measures import Criteria
 EPISODE_ACTIONS = 30
 """Actions in an episode: the sample size of the paper's measures."""
 
-_ONE = np.zeros(1, np.int64)
+ONLY_ROBOT = np.zeros(1, np.int64)
+"""Whose movement it is, as `Episodes` asks: here always the first of one robot's."""
 
 
 class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
@@ -56,8 +57,8 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         check_n_actions(n_actions)
         self.render_mode = render_mode
         self.n_actions = n_actions
-        self._place = SharedScene()
-        self._screen = Screen(self._place, render_mode, overlay)
+        self._shared = SharedScene()
+        self._screen = Screen(self._shared, render_mode, overlay)
         self._episodes = Episodes(memory, 1, criteria, self._unfolding)
         self.criteria = self._episodes.criteria
         self.observation_space = self._episodes.observation_space
@@ -65,7 +66,7 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         self._performer: Mind | Body = self._make_performer()
 
     def _make_performer(self) -> Mind | Body:
-        return Mind(self._place)
+        return Mind(self._shared)
 
     @property
     def n_decisions(self) -> int:
@@ -85,7 +86,7 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
     @property
     def scene(self) -> Any:
         """Ring, robot and bag; built when first needed."""
-        return self._place.scene
+        return self._shared.scene
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -122,10 +123,10 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
             ShapeError: If the action does not have shape (n_pb,) or is not finite.
         """
         pb = checked_pb(action, self.action_space.shape)
-        generated = self._episodes.generate(_ONE, pb[None])
+        generated = self._episodes.generate(ONLY_ROBOT, pb[None])
         reward, info = self._finish(pb[None, None], generated)
         done = int(self._episodes.n_actions[0])
-        self._episodes.observer.put(_ONE, "step", np.array([min(done / self.n_actions, 1.0)]))
+        self._episodes.observer.put(ONLY_ROBOT, "step", np.array([min(done / self.n_actions, 1.0)]))
         truncated = done >= self.n_actions
         if self.render_mode == "human":
             self.render()
@@ -138,11 +139,11 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         performed: list[Performed] | None = None
         if isinstance(self._performer, Body) or self._screen.wanted:
             performed = [self._performer.perform(generated[0], taught.dt_s, taught.joints, self._screen.wanted)]
-        scored = self._episodes.score(_ONE, pb, generated, performed)
+        scored = self._episodes.score(ONLY_ROBOT, pb, generated, performed)
         info = self._terms(scored)
         if performed is not None:
             info.update(performed[0].figures)
-            self._screen.remember(0, performed[0], told(info))
+            self._screen.remember(0, performed[0], caption_of(info))
         n_tried = int(self._episodes.n_actions[0])
         if n_tried >= self.n_actions:
             info["episode_measures"] = self._episodes.knowledge.measures(0, n_tried)
@@ -226,6 +227,6 @@ def checked_pb(action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
     return np.clip(pb, -1.0, 1.0)
 
 
-def told(info: dict[str, Any]) -> str:
+def caption_of(info: dict[str, Any]) -> str:
     """Return a caption: outcome, nearest basic action, reward."""
     return f"{info['outcome']}, nearest {info['nearest_name']}, reward {info['reward_novelty']:.2f}"

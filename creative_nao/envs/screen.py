@@ -27,7 +27,7 @@ class Screen:
     """Keeps the films of one or many robots and shows them.
 
     Args:
-        place: Ring, robot and bag.
+        shared: Ring, robot and bag.
         mode: One of `RENDER_MODES` or None.
         overlay: Whether colour frames tell outcome, nearest basic action and reward.
         n_robots: How many robots.
@@ -36,10 +36,10 @@ class Screen:
         SettingsError: If there is no such mode.
     """
 
-    def __init__(self, place: SharedScene, mode: str | None, overlay: bool = False, n_robots: int = 1) -> None:
+    def __init__(self, shared: SharedScene, mode: str | None, overlay: bool = False, n_robots: int = 1) -> None:
         if mode is not None and mode not in RENDER_MODES:
             raise SettingsError(f"`render_mode` should be one of {', '.join(RENDER_MODES)} or None, but is {mode!r}")
-        self._place, self.mode, self._overlay = place, mode, overlay
+        self._shared, self.mode, self._overlay = shared, mode, overlay
         self._films: list[list[Take]] = [[] for _ in range(n_robots)]
         self._stage: Stage | None = None
 
@@ -65,9 +65,9 @@ class Screen:
         if self.mode is None or (self.mode == "human" and not self._films[robot]):
             return None
         if self._stage is None:
-            self._stage = Stage(self._place.scene)
+            self._stage = Stage(self._shared.scene)
         stage = self._stage
-        film = self._films[robot] or [Take(self._place.scene.guard_qpos()[None], FRAME_DT_S, "")]
+        film = self._films[robot] or [Take(self._shared.scene.guard_qpos()[None], FRAME_DT_S, "")]
         if self.mode in ("rgb_array", "depth_array"):
             widest = stage.widest(film[-1].frames)
             return stage.depth(widest) if self.mode == "depth_array" else self._drawn(stage, widest, film[-1].text)

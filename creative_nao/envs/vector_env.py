@@ -18,7 +18,7 @@ from creative_nao.envs.bank import MemoryLike
 from creative_nao.envs.crew import Bodies, Crew
 from creative_nao.envs.episodes import Episodes, Scored, Weighed
 from creative_nao.envs.performers import FRAME_DT_S, Mind, Performed, SharedScene, check_arms
-from creative_nao.envs.repertoire_env import EPISODE_ACTIONS, check_n_actions, checked_pb, told
+from creative_nao.envs.repertoire_env import EPISODE_ACTIONS, caption_of, check_n_actions, checked_pb
 from creative_nao.envs.screen import Screen
 from creative_nao.envs.state import EnvState, generator_from, generator_state
 from creative_nao.envs.vector_infos import objects, rows, vector_terms
@@ -73,8 +73,8 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             known = ", ".join(mode.value for mode in AutoresetMode)
             raise SettingsError(f"`autoreset_mode` should be one of {known}, but is {autoreset_mode!r}") from error
         self.num_envs, self.n_actions, self.render_mode = num_envs, n_actions, render_mode
-        self._place = SharedScene()
-        self._screen = Screen(self._place, render_mode, overlay, num_envs)
+        self._shared = SharedScene()
+        self._screen = Screen(self._shared, render_mode, overlay, num_envs)
         self.metadata = {
             "render_modes": ["rgb_array", "rgb_array_list", "depth_array"],
             "render_fps": round(1 / FRAME_DT_S),
@@ -87,7 +87,7 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.single_action_space = Box(-1.0, 1.0, (self._episodes.bank.first.n_pb,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._performer: Mind | Bodies = Mind(self._place)
+        self._performer: Mind | Bodies = Mind(self._shared)
         self._physics: list[np.ndarray | None] = [None] * num_envs
         self._random: list[np.random.Generator | None] = [None] * num_envs
         self._ended = np.zeros(num_envs, bool)
@@ -281,7 +281,7 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 terms[name] = np.stack(values) if isinstance(values[0], np.ndarray) else np.array(values)
             for place, robot in enumerate(robots):
                 self._screen.remember(
-                    robot, performed[place], told({name: array[place] for name, array in terms.items()})
+                    robot, performed[place], caption_of({name: array[place] for name, array in terms.items()})
                 )
         return scored, terms
 
@@ -376,4 +376,4 @@ class BoxingVectorEnv(RepertoireVectorEnv):
     def __init__(self, num_envs: int = 1, *, limits: PhysicalLimits | None = None, **arguments: Any) -> None:
         super().__init__(num_envs, **arguments)
         check_arms(self._episodes.bank.first.demonstrations.joints)
-        self._performer = Bodies(self._crew, self._place, PhysicalLimits() if limits is None else limits)
+        self._performer = Bodies(self._crew, self._shared, PhysicalLimits() if limits is None else limits)

@@ -27,7 +27,10 @@ def cache_folder() -> Path:
 
 
 def content_hash(memory: Memory) -> str:
-    """Return a name for what a memory does: equal for equal weights, settings and basic actions."""
+    """Return a name for what a memory does: equal for equal weights, settings, tick, joints and basic actions.
+
+    Files of favourites hold it, so it stays as it is; physical maps have another (`envs.physical_map.fingerprint`).
+    """
     digest = hashlib.sha256(repr((memory.network, memory.dt_s, memory.joints, memory.demonstrations.names)).encode())
     arrays = [memory.parameters[name] for name in sorted(memory.parameters)]
     for array in (*arrays, *memory.demonstrations.trajectories):

@@ -11,6 +11,7 @@ import numpy as np
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.joints import JOINTS
 from creative_nao.measures import score, speed_limits
+from creative_nao.measures.score import APPROPRIATE
 from creative_nao.model import Memory
 
 
@@ -42,7 +43,7 @@ class Recall:
     @property
     def appropriate(self) -> bool:
         """Whether a robot can use it."""
-        return self.outcome in ("learned", "unlearned")
+        return self.outcome in APPROPRIATE
 
 
 class Mind:

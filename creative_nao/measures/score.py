@@ -19,7 +19,9 @@ from creative_nao.measures.appropriateness import (
 from creative_nao.measures.dtw import Trajectories, dtw_matrix
 
 OUTCOMES = ("learned", "unlearned", "fluctuating", "non_moving")
-"""Every trajectory has exactly one of these; the first two are the appropriate ones."""
+"""Every trajectory has exactly one of these."""
+APPROPRIATE = ("learned", "unlearned")
+"""Outcomes of what a robot can use."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,4 +90,4 @@ def score(
     if len(outcome):
         outcome[is_non_moving(trajectories, demos, criteria)] = "non_moving"
         outcome[is_fluctuating(trajectories, demos, criteria)] = "fluctuating"
-    return Scores(outcome, novelty, nearest, distances, np.isin(outcome, ("learned", "unlearned")))
+    return Scores(outcome, novelty, nearest, distances, np.isin(outcome, APPROPRIATE))

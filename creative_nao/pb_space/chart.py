@@ -15,6 +15,7 @@ from creative_nao.atomic import write_bytes
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.fields import only_arrays
 from creative_nao.measures import OUTCOMES, Criteria, score
+from creative_nao.measures.score import APPROPRIATE
 from creative_nao.model import Memory
 from creative_nao.npz import read_npz, take_array, take_header, take_record
 from creative_nao.pb_space.grid import PAPER_RESOLUTION, pb_grid
@@ -60,7 +61,7 @@ class PBMap:
     @property
     def appropriate(self) -> np.ndarray:
         """Whether each point's movement can be used, shape (n,) of bool."""
-        return np.isin(self.outcome, ("learned", "unlearned"))
+        return np.isin(self.outcome, APPROPRIATE)
 
     def share_pct(self, outcome: str) -> float:
         """Return the share of the map with this outcome [%]."""

@@ -17,7 +17,7 @@ def bare_scene(*, with_bag: bool = True, servos: ServoSettings | None = None) ->
     """Return a scene in which the same performances happen, but which cannot be shown.
 
     Args:
-        with_bag: Leave the bag away.
+        with_bag: Whether the bag hangs there.
         servos: Gains of the servos.
     """
     scene = Scene(with_bag=with_bag, servos=servos)

@@ -125,7 +125,7 @@ class Scene:
     """The ring with the robot on its own feet before the bag.
 
     Args:
-        with_bag: Leave the bag away, for teaching.
+        with_bag: Whether the bag hangs there; teaching goes without.
         servos: Gains of the servos.
 
     Attributes:
