@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures.appropriateness import BasicActions
+from creative_nao.measures.checks import refuse_where
 from creative_nao.measures.dtw import MAX_VALUE
 
 WINDOW_S = 1.5
@@ -133,8 +134,7 @@ def attribution(trajectory: ArrayLike, demos: BasicActions, window_s: float = WI
             f"`trajectory` should have shape (n_steps, {n_joints}), the joints of the basic actions, but has "
             f"{angles.shape}."
         )
-    if not (np.abs(angles) <= MAX_VALUE).all():
-        raise ShapeError(f"`trajectory` should hold finite values up to {MAX_VALUE:g}.")
+    refuse_where(~(np.abs(angles) <= MAX_VALUE), angles, "trajectory", f"finite values up to {MAX_VALUE:g}")
     if not (np.isfinite(window_s) and round(window_s / demos.dt_s) >= 2):
         raise SettingsError(
             f"`window_s` should be at least two ticks, {2 * demos.dt_s:g} s, but is {window_s}; a posture alone is no "

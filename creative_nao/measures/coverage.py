@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.measures.checks import refuse_where
 
 NEAREST_K = 5
 """Neighbours that make the ball around a reference item, as in the paper's examples."""
@@ -56,8 +57,8 @@ def density_coverage(
             f"`reference_distances` and `distances` should have shapes (n, n) and (n, m), but have {own.shape} and "
             f"{between.shape}."
         )
-    if not ((own >= 0).all() and (between >= 0).all()):
-        raise ShapeError("distances should be numbers of at least 0, but some are not.")
+    for name, values in (("reference_distances", own), ("distances", between)):
+        refuse_where(~(values >= 0), values, name, "numbers of at least 0")
     if not 1 <= nearest_k < n:
         raise SettingsError(f"`nearest_k` should be at least 1 and below {n}, but is {nearest_k}.")
     # Place 0 of the sorted row is the item itself.

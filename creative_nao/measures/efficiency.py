@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from creative_nao.errors import ShapeError
+from creative_nao.measures.checks import refuse_where
 
 
 def oracle_share(rewards: ArrayLike, oracle_rewards: ArrayLike) -> float:
@@ -65,6 +66,6 @@ def _both(rewards: ArrayLike, oracle_rewards: ArrayLike) -> tuple[np.ndarray, np
             "`rewards` and `oracle_rewards` should have shapes (n,) and (n,) or longer, with n at least 1, but have "
             f"{earned.shape} and {most.shape}."
         )
-    if not (np.isfinite(earned).all() and np.isfinite(most).all()):
-        raise ShapeError("rewards should be finite, but some are not.")
+    for name, values in (("rewards", earned), ("oracle_rewards", most)):
+        refuse_where(~np.isfinite(values), values, name, "finite numbers")
     return earned, most[: len(earned)]

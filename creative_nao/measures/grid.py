@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.measures.checks import refuse_where
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,8 @@ def grid_quality(
             "`descriptors`, `qualities`, `low` and `high` should have shapes (n, n_dims), (n,), (n_dims,) and "
             f"(n_dims,), but have {places.shape}, {values.shape}, {lowest.shape} and {highest.shape}."
         )
-    if not (np.isfinite(places).all() and np.isfinite(values).all() and (values >= 0).all()):
-        raise ShapeError("`descriptors` should be finite and `qualities` finite and at least 0, but some are not.")
+    refuse_where(~np.isfinite(places), places, "descriptors", "finite numbers")
+    refuse_where(~(np.isfinite(values) & (values >= 0)), values, "qualities", "numbers finite and at least 0")
     if n_cells < 1 or not (lowest < highest).all():
         raise SettingsError(f"a grid needs `n_cells` of at least 1 and `low` below `high`, but has {n_cells} cells.")
     cells = np.clip((places - lowest) / (highest - lowest) * n_cells, 0, n_cells - 1).astype(np.int64)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.measures.checks import refuse_where
 from creative_nao.measures.dtw import MAX_VALUE
 
 
@@ -38,8 +39,8 @@ def dtw_pairs(
             "`trajectories` should be an (n, n_steps, n_joints) array of numbers with at least one posture and one "
             f"joint, but has shape {values.shape} and type {values.dtype}."
         )
-    if values.size and not (values.min() >= -MAX_VALUE and values.max() <= MAX_VALUE):
-        raise ShapeError(f"`trajectories` should hold finite values up to {MAX_VALUE:g}.")
+    if values.size and not (values.min() >= -MAX_VALUE and values.max() <= MAX_VALUE):  # needs no room, unlike a mask
+        refuse_where(~(np.abs(values) <= MAX_VALUE), values, "trajectories", f"finite values up to {MAX_VALUE:g}")
     places = [_places(given, name, len(values)) for given, name in ((first, "first"), (second, "second"))]
     if len(places[0]) != len(places[1]):
         raise ShapeError(f"`second` should be as long as `first`, {len(places[0])}, but has {len(places[1])} places.")

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from creative_nao.errors import ShapeError
+from creative_nao.measures.checks import refuse_where
 
 
 def unexpectedness(distances: ArrayLike, expected: ArrayLike) -> np.ndarray:
@@ -32,7 +33,7 @@ def unexpectedness(distances: ArrayLike, expected: ArrayLike) -> np.ndarray:
             "`distances` and `expected` should have shapes (n,) and (m,) with m at least 1, but have "
             f"{found.shape} and {usual.shape}."
         )
-    if not ((found >= 0).all() and (usual >= 0).all()):
-        raise ShapeError("distances should be numbers of at least 0, but some are not.")
+    for name, values in (("distances", found), ("expected", usual)):
+        refuse_where(~(values >= 0), values, name, "numbers of at least 0")
     as_new = len(usual) - np.searchsorted(np.sort(usual), found, side="left")
     return -np.log2((as_new + 1) / (len(usual) + 1)) + 0.0

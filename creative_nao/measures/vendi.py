@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.measures.checks import refuse_where
 from creative_nao.measures.dtw import Trajectories, dtw_matrix
 
 LENGTH_SCALE_RAD = 10.0
@@ -36,8 +37,10 @@ def vendi_score(similarity: np.ndarray) -> float:
     matrix = np.asarray(similarity, dtype=np.float64)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not len(matrix):
         raise ShapeError(f"`similarity` should have shape (n, n) with n at least 1, but has {matrix.shape}.")
-    if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T) or not np.allclose(np.diag(matrix), 1.0):
-        raise ShapeError("`similarity` should be finite and symmetric with ones on its diagonal, but is not.")
+    refuse_where(~np.isfinite(matrix), matrix, "similarity", "finite numbers")
+    refuse_where(~np.isclose(matrix, matrix.T), matrix, "similarity", "a symmetric matrix")
+    diagonal = np.diag(matrix)
+    refuse_where(~np.isclose(diagonal, 1.0), diagonal, "similarity", "ones on its diagonal")
     eigenvalues = np.linalg.eigvalsh(matrix / len(matrix))
     shares = eigenvalues[eigenvalues > 0] / eigenvalues[eigenvalues > 0].sum()
     return float(np.exp(-np.sum(shares * np.log(shares))))
