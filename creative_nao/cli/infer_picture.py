@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from creative_nao.atomic import replacing
 from creative_nao.pb_space.palette import INK, action_colour, action_letter
+from creative_nao.pb_space.picture import write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,8 +65,7 @@ def draw_recognition(
     curves.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     figure.suptitle(title, fontsize=11, color=INK)
     if path is not None:
-        with replacing(path) as temporary:
-            figure.savefig(temporary, dpi=150, format=path.suffix.lstrip(".") or "png")
+        write_figure(figure, path)
     return figure
 
 

@@ -82,7 +82,7 @@ def run(settings: MapSettings) -> int:
         return 0
     print(f"memory {settings.memory}, {settings.resolution} x {settings.resolution} points")  # noqa: T201
     for name in ("appropriate_pct", *(f"{outcome}_pct" for outcome in OUTCOMES)):
-        print(f"  {name[:-4].replace('_', '-'):<14} {found[name]:6.2f} %")  # noqa: T201
+        print(f"  {name.removesuffix('_pct').replace('_', '-'):<14} {found[name]:6.2f} %")  # noqa: T201
     for name in ("novelty", "diversity"):
         value = found[name]
         print(f"  {name:<14} {'-' if value is None else f'{value:6.2f}'}")  # noqa: T201

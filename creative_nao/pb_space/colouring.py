@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name
 from creative_nao.measures import dtw_pairs, excursions, largest_speeds, unexpectedness
+from creative_nao.pb_space.grid import neighbour_pairs
 
 if TYPE_CHECKING:
     from creative_nao.pb_space.chart import PBMap
@@ -39,13 +40,11 @@ def neighbour_distances(pb_map: PBMap) -> np.ndarray:
 
     A point has four neighbours, at an edge three, in a corner two.
     """
-    n = pb_map.resolution
-    cells = np.arange(n * n).reshape(n, n)
-    first = np.concatenate([cells[:, :-1].ravel(), cells[:-1].ravel()])
-    second = np.concatenate([cells[:, 1:].ravel(), cells[1:].ravel()])
+    n_cells = pb_map.resolution**2
+    first, second = neighbour_pairs(pb_map.resolution)
     distances = dtw_pairs(_trajectories(pb_map), first, second)
-    total = np.bincount(first, distances, n * n) + np.bincount(second, distances, n * n)
-    return total / (np.bincount(first, minlength=n * n) + np.bincount(second, minlength=n * n))
+    total = np.bincount(first, distances, n_cells) + np.bincount(second, distances, n_cells)
+    return total / (np.bincount(first, minlength=n_cells) + np.bincount(second, minlength=n_cells))
 
 
 def _unexpectedness(pb_map: PBMap) -> np.ndarray:

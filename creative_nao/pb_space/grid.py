@@ -30,6 +30,18 @@ def pb_grid(resolution: int = PAPER_RESOLUTION) -> np.ndarray:
     return np.stack([first, second], axis=-1).reshape(-1, 2)
 
 
+def neighbour_pairs(resolution: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pairs of neighbours in `pb_grid(resolution)`, each once: first members and second ones, as indices.
+
+    Returns:
+        Twice shape (2 * resolution * (resolution - 1),): neighbours in a row, then those above each other.
+    """
+    cells = np.arange(resolution**2).reshape(resolution, resolution)
+    first = np.concatenate([cells[:, :-1].ravel(), cells[:-1].ravel()])
+    second = np.concatenate([cells[:, 1:].ravel(), cells[1:].ravel()])
+    return first, second
+
+
 def nearest_cell(pb: np.ndarray, resolution: int = PAPER_RESOLUTION) -> np.ndarray:
     """Return the index in `pb_grid(resolution)` nearest to each PB point: (n, 2) in [-1, 1] into (n,)."""
     cell = np.rint((np.asarray(pb) + 1.0) / 2.0 * (resolution - 1)).astype(np.int64)

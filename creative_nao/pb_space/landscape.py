@@ -17,6 +17,7 @@ from creative_nao.errors import SettingsError
 from creative_nao.measures import OUTCOMES, dtw_pairs
 from creative_nao.model import Memory
 from creative_nao.pb_space.chart import PBMap
+from creative_nao.pb_space.grid import neighbour_pairs
 from creative_nao.pb_space.regions import connected_regions, n_border_edges
 
 
@@ -165,9 +166,7 @@ def _ruggedness(pb_map: PBMap, memory: Memory | None) -> Ruggedness | None:
                 f"{memory.name} learned its basic actions at other PB values"
             )
         trajectories = memory.generate(pb_map.pb)
-    cells = np.arange(len(trajectories)).reshape(pb_map.resolution, pb_map.resolution)
-    first = np.concatenate([cells[:, :-1].ravel(), cells[:-1].ravel()])
-    second = np.concatenate([cells[:, 1:].ravel(), cells[1:].ravel()])
+    first, second = neighbour_pairs(pb_map.resolution)
     distances = dtw_pairs(trajectories, first, second)
     usable = pb_map.appropriate[first] & pb_map.appropriate[second]
     return Ruggedness(

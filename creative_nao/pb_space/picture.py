@@ -176,6 +176,11 @@ def draw_map(
         title=heading, alignment="left",
     )  # fmt: skip
     if path is not None:
-        with replacing(Path(path)) as temporary:
-            figure.savefig(temporary, dpi=150, format=Path(path).suffix.lstrip(".") or "png")
+        write_figure(figure, path)
     return figure
+
+
+def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure in one step, as PNG, SVG or PDF by the ending of the path."""
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=150, format=Path(path).suffix.lstrip(".") or "png")

@@ -5,13 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from creative_nao.atomic import replacing
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures import Criteria, score
 from creative_nao.model import Memory
@@ -42,14 +40,13 @@ class PBSlice(PBMap):
 
     def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
         """Draw the slice as `PBMap.plot` draws a map, its two PB units at the axes."""
-        from creative_nao.pb_space.picture import draw_map
+        from creative_nao.pb_space.picture import draw_map, write_figure
 
         held = ", ".join(f"PB {k + 1} = {v:.3g}" for k, v in enumerate(self.at) if k not in self.axes)
         figure = draw_map(self, **{"title": f"Slice at {held}" if held else None, **options})
         figure.axes[0].set(xlabel=f"PB {self.axes[0] + 1}", ylabel=f"PB {self.axes[1] + 1}")
         if path is not None:
-            with replacing(Path(path)) as temporary:
-                figure.savefig(temporary, dpi=150, format=Path(path).suffix.lstrip(".") or "png")
+            write_figure(figure, path)
         return figure
 
 
