@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from creative_nao.robot.scene import Scene
 
 FOREARMS = ("nao/RForearm", "nao/LForearm")
+"""Bodies that the hands hold, right first as in `joints.JOINTS`."""
 HELD_AT_M = (0.045, 0.0, 0.0)
 """Where the hands hold, in the frame of the forearm: just before the wrist."""
 

@@ -212,10 +212,6 @@ def boxing() -> Notebook:
     return Notebook(tuple(drafts))
 
 
-def _key(row: list[float]) -> Key:
-    return Key(float(row[0]), tuple(float(angle) for angle in row[1:]))
-
-
 def _mirror(posture: tuple[float, ...]) -> tuple[float, ...]:
     right, left = np.array(posture[:4]), np.array(posture[4:])
     return tuple(float(angle) for angle in np.concatenate([left * MIRROR_SIGN, right * MIRROR_SIGN]))

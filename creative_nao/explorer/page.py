@@ -115,7 +115,7 @@ class Tab:
         """Lay out the tools: point or path, numbers, discovering, exchanging."""
         with ui.row().classes("items-center gap-2"):
             self.mode = ui.toggle(["point", "path"], value="point").props("no-caps dense aria-label='click or draw'")
-            self.first, self.second = (
+            self.pb_1, self.pb_2 = (
                 ui.number(name, value=0, min=-1, max=1, step=0.01, format="%.3f").props("dense").classes("w-24")
                 for name in ("PB 1", "PB 2")
             )
@@ -157,7 +157,7 @@ class Tab:
         for side, recall in zip(self.sides, recalls, strict=False):
             side.present(recall, digits)
         pb = recalls[0].pb
-        self.first.value, self.second.value = round(pb[0], digits), round(pb[1], digits)
+        self.pb_1.value, self.pb_2.value = round(pb[0], digits), round(pb[1], digits)
         self.remember()
         self._follow()
         for side in self.sides if self.physics.value else ():
@@ -263,7 +263,7 @@ class Tab:
             panels.keep(self)
 
     async def _typed(self) -> None:
-        await self.show(np.array([[as_coordinate(self.first.value), as_coordinate(self.second.value)]]))
+        await self.show(np.array([[as_coordinate(self.pb_1.value), as_coordinate(self.pb_2.value)]]))
 
     def _ghosts(self, event: events.ValueChangeEventArguments[bool | None]) -> None:
         for side in self.sides:

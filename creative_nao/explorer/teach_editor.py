@@ -46,11 +46,7 @@ class Editor:
         with ui.row().classes("items-center gap-2"):
             _button("Earlier key", lambda: self._choose(tab.key - 1))
             _button("Later key", lambda: self._choose(tab.key + 1))
-            self.time = (
-                ui.number("Reached at [s]", min=0, max=MAX_DURATION_S, step=0.05, format="%.2f")
-                .props("dense")
-                .classes("w-28")
-            )
+            self.time = ui.number("Reached at [s]", min=0, max=MAX_DURATION_S, step=0.05, format="%.2f")
             self.time.props("dense").classes("w-28")
             self.time.on("change", self._retime)
             _button("Add key", self._add_key)

@@ -1,4 +1,4 @@
-"""The codes that a network is taught to predict, and the part of the loss that they alone decide."""
+"""The codes that a network is taught to predict."""
 
 from __future__ import annotations
 
@@ -29,9 +29,3 @@ def target_codes(
         padding = [(0, int(lengths.max()) - len(trajectory)), (0, 0)]
         codes.append(encode(np.pad(trajectory, padding, mode="edge")))
     return np.maximum(np.array(codes), TARGET_FLOOR).astype(np.float32), lengths
-
-
-def target_entropy(codes: np.ndarray, lengths: np.ndarray) -> float:
-    """Return the sum of target log target over the predicted steps: the part of Eq. 4 that no weight changes."""
-    taught = np.maximum(codes.astype(np.float64), TARGET_FLOOR)
-    return sum(float((taught[n, 1:length] * np.log(taught[n, 1:length])).sum()) for n, length in enumerate(lengths))

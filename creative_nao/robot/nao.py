@@ -25,10 +25,6 @@ COUPLED = ("LHipYawPitch", "RHipYawPitch")
 MOTOR_JOINTS: tuple[str, ...] = tuple(link.joint for link in links() if link.joint != COUPLED[1])
 """The 25 joints with a motor, in the order of the model's actuators."""
 
-FOREARMS = ("RForearm", "LForearm")
-HANDS = ("RHand", "LHand")
-"""Bodies a teacher can hold, right first as in `joints.JOINTS`; the hand is the closed fist."""
-
 FRICTION = (0.9, 0.005, 0.0001)
 """Sliding, torsional and rolling friction of the shells: rubber soles and leather gloves."""
 
