@@ -9,8 +9,15 @@
 - `curves_svg`: the eight joints over time (`curves.py`); `describe`: scores in words (`words.py`).
 - `map_pane.py` and `side.py` show one memory, `look.py` what all maps of a tab have in common, `toolbar.py` and
   `panels.py` the controls; `page.py` puts them together for one browser tab, `layout.py` says where they stand.
-- `server.py` serves the page, `security.py` keeps strangers out.
-- `static_page`: the same as one file that needs no server (`static_export.py`).
+- Beside the map: `discover.py` (surprises), `session.py` (favourites) with `thumbnails.py`, `recordings.py` (files in,
+  files out), `attribution_strip.py` (what a movement resembles when), `stage.py` (the body), `physical.py` (its map).
+- `charting.py`: a coarse map at once, the fine one when it is there; `work.py`: work that can be called off.
+- `server.py` serves the page, `security.py` keeps strangers out, `tabs.py` frees what a closed tab held, `address.py`
+  writes what a tab shows as an address.
+- Teaching: `teach_page.py` with `teach_editor.py`, `teach_training.py` and `teach_drawings.py`; `notebook.py` holds the
+  demonstrations, `notebook_checks.py` says what is wrong with them; `apprentice.py` learns them, one of a `school.py`;
+  `taught.py` shows the outcome.
+- `write_page`: the same as one file that needs no server (`static_export.py`).
 
 Only what stands on the page needs the extra `explore`.
 """
