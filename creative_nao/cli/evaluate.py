@@ -217,7 +217,10 @@ def _show(evaluation: Evaluation, *, as_json: bool, console: Console) -> None:
 
 
 class _Display:
-    """A bar on a terminal, a line now and then elsewhere."""
+    """A bar on a terminal, a line now and then elsewhere.
+
+    Unlike `progress.Display` it does not know the pieces of work beforehand, and shows which are at work.
+    """
 
     def __init__(self, console: Console):
         self.console, self.last, self.n_done = console, 0.0, -1
