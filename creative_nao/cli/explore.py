@@ -115,13 +115,15 @@ def _coordinate(cell: str | None, where: str) -> float:
 
 
 def _write_page(settings: ExploreSettings, target: Path) -> int:
+    from creative_nao.explorer.physical import check_physical, physical_map_of
     from creative_nao.explorer.static_export import write_page
 
     if target.suffix.lower() not in (".html", ".htm"):
         raise SettingsError(f"--html should end in .html, but is {target}")
     if len(settings.memories) > 1:
         raise SettingsError(f"--html writes one memory, but got {' and '.join(settings.memories)}")
-    name = next(iter(settings.memories))
-    written = write_page(load_memory(name), target, settings.resolution)
+    memory = load_memory(next(iter(settings.memories)))
+    check_physical(settings.physical, [memory])
+    written = write_page(memory, target, settings.resolution, physical_map_of(memory, settings.physical))
     print(f"written: {written}, {written.stat().st_size / 1e6:.1f} MB; it opens by double click, without a network")  # noqa: T201
     return 0

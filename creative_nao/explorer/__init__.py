@@ -12,12 +12,13 @@
 - Beside the map: `discover.py` (surprises), `session.py` (favourites) with `thumbnails.py`, `recordings.py` (files in,
   files out), `attribution_strip.py` (what a movement resembles when), `stage.py` (the body), `physical.py` (its map).
 - `charting.py`: a coarse map at once, the fine one when it is there; `work.py`: work that can be called off.
-- `server.py` serves the page, `in_turn.py` builds one at a time, `security.py` keeps strangers out, `tabs.py` frees
+- `server.py` serves the page, `in_turn.py` builds few at a time, `security.py` keeps strangers out, `tabs.py` frees
   what a closed tab held, `address.py` writes what a tab shows as an address.
 - Teaching: `teach_page.py` with `teach_editor.py`, `teach_training.py` and `teach_drawings.py`; `notebook.py` holds the
   demonstrations, `notebook_checks.py` says what is wrong with them; `apprentice.py` learns them, one of a `school.py`;
   `taught.py` shows the outcome.
-- `write_page`: the same as one file that needs no server (`static_export.py`).
+- `write_page`: the same as one file that needs no server (`static_export.py`),
+  in all its colours (`colour_sheets.py`).
 
 Only what stands on the page needs the extra `explore`.
 """

@@ -12,7 +12,7 @@ from PIL import Image
 
 from creative_nao.explorer.colours import NEAREST, Chart, cell_colours
 from creative_nao.explorer.hatching import PATTERNS, hatch
-from creative_nao.explorer.view import SIZE, View
+from creative_nao.explorer.view import View
 from creative_nao.pb_space.palette import INK, action_letter, rgb
 
 
@@ -54,12 +54,18 @@ def map_picture(
         where = outcome == name
         if where.any():
             hatch(pixels, where, name)
-    region = np.where(chart.outcome == "learned", chart.nearest, -1).reshape(n, n)[seen]
-    border = np.zeros((SIZE, SIZE), bool)
-    border[1:] |= region[1:] != region[:-1]
-    border[:, 1:] |= region[:, 1:] != region[:, :-1]
-    pixels[border] = rgb(INK)
+    pixels[borders(chart, rows, columns)] = rgb(INK)
     return Image.fromarray(np.round(255 * pixels).astype(np.uint8))
+
+
+def borders(chart: Chart, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Tell which pixels border a region of learned movements, by the rows and the columns of cells under them."""
+    n = chart.resolution
+    region = np.where(chart.outcome == "learned", chart.nearest, -1).reshape(n, n)[np.ix_(rows, columns)]
+    found = np.zeros(region.shape, bool)
+    found[1:] |= region[1:] != region[:-1]
+    found[:, 1:] |= region[:, 1:] != region[:, :-1]
+    return found
 
 
 def map_address(

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from creative_nao import atomic
+from creative_nao.envs.physical_chart import PhysicalMap
 from creative_nao.errors import MissingDependencyError
 from creative_nao.explorer.body import Body
+from creative_nao.explorer.colour_sheets import colour_sheets
 from creative_nao.explorer.curves import ORDER
-from creative_nao.explorer.map_view import map_address
 from creative_nao.explorer.maps import cached_map
 from creative_nao.explorer.mind import Mind
 from creative_nao.explorer.words import spoken
@@ -24,31 +25,35 @@ from creative_nao.joints import LIMITS_RAD
 from creative_nao.measures import Criteria, excursion_limit
 from creative_nao.model import Memory
 from creative_nao.pb_space import PAPER_RESOLUTION
-from creative_nao.pb_space.palette import action_letter
 
 STATIC = Path(__file__).with_name("static")
 
 
-def write_page(memory: Memory, target: Path, resolution: int = PAPER_RESOLUTION) -> Path:
+def write_page(
+    memory: Memory, target: Path, resolution: int = PAPER_RESOLUTION, physical: PhysicalMap | None = None
+) -> Path:
     """Write the page and return its path; it opens by double click and asks nothing of a network.
 
     Args:
         memory: A memory with two PB units and the eight arm joints.
         target: HTML file, replaced in one step.
         resolution: Points along each axis of the map.
+        physical: A physical map of the memory, whose colourings the page then has as well.
 
     Raises:
         SettingsError: If the memory has other joints or another number of PB units.
         MissingDependencyError: If the 3-D library of the extra `explore` is not there.
     """
     mind = Mind(memory)
+    data = {
+        "memory": memory_data(mind),
+        "robot": Body().description(),
+        "colours": colour_sheets(memory, cached_map(memory, resolution), physical),
+    }
     page = Template((STATIC / "alone.html").read_text(encoding="utf-8")).substitute(
         name=html.escape(memory.name),
         style=(STATIC / "page.css").read_text(encoding="utf-8"),
-        map=map_address(cached_map(memory, resolution)),
-        legend="; ".join(f"{action_letter(k)} {spoken(name)}" for k, name in enumerate(mind.names))
-        + ". Strong colour: like the basic action; faint: new; hatched: too fast or not moving.",
-        data=_in_script(json.dumps({"memory": memory_data(mind), "robot": Body().description()})),
+        data=_in_script(json.dumps(data)),
         modules=_in_script(json.dumps({"imports": _modules()})),
         script=(STATIC / "alone.js").read_text(encoding="utf-8"),
     )
@@ -92,7 +97,7 @@ def _modules() -> dict[str, str]:
         )
     library = Path(found.origin).parent / "elements" / "scene" / "dist" / "index.js"
     sources = {"nicegui-scene": library}
-    sources |= {f"cn-{name}": STATIC / f"{name}.js" for name in ("robot", "network", "attribution")}
+    sources |= {f"cn-{name}": STATIC / f"{name}.js" for name in ("robot", "network", "attribution", "colouring")}
     return {name: _address("text/javascript", path.read_bytes()) for name, path in sources.items()}
 
 

@@ -1,13 +1,23 @@
 """The page without a server: opened from a file, its network makes the movements of the memory."""
 
 import re
+from base64 import b64decode
+from io import BytesIO
 
 import numpy as np
 import pytest
+from conftest import PHYSICAL
+from PIL import Image
 
 from creative_nao.cli import main
+from creative_nao.envs.physical_chart import PhysicalMap
+from creative_nao.explorer.colour_sheets import texture_address
+from creative_nao.explorer.colours import NAMES, cell_colours, figure_of_body, is_number, is_of_body
+from creative_nao.explorer.map_view import map_picture
+from creative_nao.explorer.view import SIZE
 from creative_nao.measures import attribution, score
 from creative_nao.model import load_memory
+from creative_nao.pb_space import colour_values, pb_map
 
 
 @pytest.fixture(scope="module")
@@ -15,7 +25,8 @@ def page(browser, tmp_path_factory):
     folder = tmp_path_factory.mktemp("alone")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CREATIVE_NAO_CACHE", str(folder / "cache"))
-        assert main(["explore", "half/0", "--resolution", "20", "--html", str(folder / "alone.html")]) == 0
+        words = ["--resolution", "20", "--physical", str(PHYSICAL), "--html", str(folder / "alone.html")]
+        assert main(["explore", "half/0", *words]) == 0
     context = browser.new_context(viewport={"width": 1280, "height": 900})
     opened = context.new_page()
     opened.faults, opened.asked = [], []
@@ -77,6 +88,98 @@ def test_it_answers_pointer_and_keys_and_the_robot_plays(page):
     assert re.match(r"PB 0\.(49|50)\d, 0\.(49|50)\d; ", page.locator("#status").inner_text())
     page.keyboard.press("2")
     assert "like a basic action; nearest B right straight" in page.locator("#status").inner_text()
+
+
+@pytest.fixture(scope="module")
+def charts():
+    return pb_map(load_memory("half/0"), 20), PhysicalMap.load(PHYSICAL)
+
+
+def numbers(chart, name):
+    if not is_number(name):
+        return None
+    return figure_of_body(chart, name) if is_of_body(name) else colour_values(chart, name)[0]
+
+
+SHOWN = """(name) => document.getElementById("legend").dataset.of === name"""
+
+
+def test_it_has_every_colouring_of_the_served_page(page, charts):
+    assert page.locator("#colour option").evaluate_all("all => all.map((one) => one.value)") == list(NAMES)
+    assert page.locator("#colour option").all_inner_texts() == list(NAMES.values())
+    for name in NAMES:
+        page.locator("#colour").select_option(name)
+        page.wait_for_function(SHOWN, arg=name)
+        chart = charts[is_of_body(name)]
+        n = chart.resolution
+        painted = page.evaluate(
+            "() => { const c = document.getElementById('cells');"
+            "return [...c.getContext('2d').getImageData(0, 0, c.width, c.height).data] }"
+        )
+        painted = np.reshape(painted, (n, n, 4))[::-1, :, :3] / 255
+        error = np.abs(painted - cell_colours(chart, name, numbers(chart, name)))
+        assert error.max() < 0.06, name  # a step of the scale, or of 256 colours
+        assert error.mean() < 0.006, name
+
+
+def test_the_colour_under_the_cursor_is_told_as_a_number(page, charts):
+    chart, _ = charts
+    box = page.locator("#map").bounding_box()
+    for name in ("speed", "ruggedness", "outcome"):
+        page.locator("#colour").select_option(name)
+        page.wait_for_function(SHOWN, arg=name)
+        values = numbers(chart, name)
+        for cell in (21, 110, 138, 239, 377):
+            x, y = (chart.pb[cell] * (1, -1) + 1) / 2
+            page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
+            said = page.locator("#here").inner_text()
+            if values is None:
+                assert said == ""
+            elif chart.appropriate[cell]:
+                usable = values[chart.appropriate]
+                assert float(said.split(": ")[-1]) == pytest.approx(values[cell], abs=0.01 * np.ptp(usable))
+            else:
+                assert said.endswith(": none, the movement cannot be used")
+
+
+def test_colours_are_chosen_with_keys_and_the_legend_follows(page):
+    page.locator("#colour").select_option("nearest")
+    page.wait_for_function(SHOWN, arg="nearest")
+    assert "strong: like the basic action" in page.locator("#legend").inner_text()
+    page.locator("#surprise").focus()
+    for _ in range(2):
+        page.keyboard.press("Shift+Tab")
+    assert page.evaluate("document.activeElement.id") == "colour"
+    for _ in range(2):
+        page.keyboard.press("ArrowDown")
+    page.wait_for_function(SHOWN, arg="novelty")
+    assert "DTW distance to the nearest basic action [rad]" in page.locator("#legend").inner_text()
+
+
+def test_what_lies_over_the_colours_is_that_of_the_served_map(charts):
+    """Colours below, hatching and borders above: together the picture that the server draws."""
+    for chart in charts:
+        n = chart.resolution
+        below = Image.fromarray(np.round(255 * cell_colours(chart, "outcome")[::-1]).astype(np.uint8))
+        below = below.resize((SIZE, SIZE), Image.Resampling.NEAREST).convert("RGBA")
+        above = Image.open(BytesIO(b64decode(texture_address(chart).split(",")[1]))).convert("RGBA")
+        together = np.asarray(Image.alpha_composite(below, above).convert("RGB")).astype(int)
+        assert SIZE % n == 0
+        assert np.abs(together - np.asarray(map_picture(chart, "outcome"))).max() <= 2
+
+
+@pytest.mark.slow
+def test_a_fine_page_stays_below_1_6_mb(tmp_path, monkeypatch):
+    monkeypatch.setenv("CREATIVE_NAO_CACHE", str(tmp_path))
+    assert main(["explore", "half/0", "--html", str(tmp_path / "fine.html")]) == 0
+    assert (tmp_path / "fine.html").stat().st_size < 1.6e6
+
+
+def test_a_physical_map_of_another_memory_is_refused(tmp_path, capsys):
+    words = ["--resolution", "20", "--physical", str(PHYSICAL), "--html", str(tmp_path / "alone.html")]
+    assert main(["explore", "open/0", *words]) == 2
+    assert "is a physical map of the memory half/0, with other weights" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_page_must_end_in_html(capsys):

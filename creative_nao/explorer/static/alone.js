@@ -3,11 +3,13 @@ import { THREE, OrbitControls } from "nicegui-scene";
 import Robot from "cn-robot";
 import { Memory } from "cn-network";
 import { strip } from "cn-attribution";
+import { Colouring } from "cn-colouring";
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const memory = (window.memory = new Memory(data.memory));
 const byId = (id) => document.getElementById(id);
 const map = byId("map");
+const colouring = new Colouring(data.colours, byId("cells"), byId("texture"));
 const WORDS = {
   learned: "appropriate, like a basic action",
   unlearned: "appropriate, new: nobody taught it",
@@ -59,6 +61,18 @@ function show(wanted) {
   byId("strip").innerHTML = strip(recall.angles, memory);
   robot?.perform({ dt: memory.dt, angles: recall.angles }, { dt: memory.dt, angles: memory.demonstrations[recall.nearest] });
   marks();
+  here();
+}
+
+function here() {
+  byId("here").textContent = colouring.tell(points[points.length - 1]);
+}
+
+async function recolour(name) {
+  if (!(await colouring.choose(name))) return;
+  byId("legend").innerHTML = colouring.shown.legend;
+  byId("legend").dataset.of = name;
+  here();
 }
 
 function curve(recall, joint) {
@@ -133,6 +147,10 @@ function surprise() {
   }
 }
 byId("surprise").addEventListener("click", surprise);
+
+byId("colour").append(...data.colours.sheets.map(({ name, text }) => new Option(text, name)));
+byId("colour").addEventListener("change", (event) => recolour(event.target.value));
+recolour(byId("colour").value);
 
 try {
   robot = stage();
