@@ -118,9 +118,9 @@ also chose the weights that were kept; the recorded episodes have other seeds. T
 Intervals are 95 % bootstrap intervals over memories. The agents for `Boxing-v0` were trained in its mental twin and are
 scored in physics.
 
-The training of each took minutes of one core, and none of these agents is tuned. Those for `BoxingMental-v0` choose
-among cells of the PB space and learned with its axes flipped and swapped ([how](trained_agents.md)); the others have
-the plain policies. How much of what they learned carries
+The training of each took minutes of one core. Those for `Boxing-v0` and `BoxingMental-v0` choose among cells of the PB
+space and learned with its axes flipped and swapped; those for `BoxingModulation-v0` have the plain policies. A search of
+hyperparameters found nothing better ([how, and other seeds](trained_agents.md)). How much of what they learned carries
 over to unseen memories is what the second row of each card says; an interval that holds 0 means: not told apart from
 chance. Clips show the three best finds of an episode on half/10, drawn by `docs/make_agent_clips.py`.
 
