@@ -38,8 +38,9 @@ def draw(runs: Path, names: list[str], chance: dict[str, Score]) -> None:
             run, agent = runs / name.replace("/", "-"), name.split("/")[0]
             ends, rewards = (column(run / "episodes.csv", head) for head in ("n_decisions", "reward"))
             label, whole = agent.upper(), load_agent(name).header.n_actions_training  # the last episode may end before
-            parts = [np.mean(part) for part in np.array_split(rewards, 12)]
-            places = [100 * np.mean(part) / whole for part in np.array_split(ends, 12)]
+            tenths = np.minimum((10 * ends / whole).astype(int), 9)  # copies end together, so no split by number
+            parts = [np.mean(rewards[tenths == tenth]) for tenth in np.unique(tenths)]
+            places = [100 * np.mean(ends[tenths == tenth]) / whole for tenth in np.unique(tenths)]
             axis.plot(places, parts, color=COLOURS[agent], label=f"{label}, train memories")
             judged = [column(run / "evaluations.csv", head) for head in ("n_decisions", "mean_reward")]
             places = 100 * judged[0] / whole
