@@ -19,7 +19,7 @@ from creative_nao.fields import Fields, is_plain_name, shown
 RESULTS_AT = "results"
 """Where the documentation keeps the result files, seen from its pages."""
 
-ORDER = ("search", "physical", "modulation", "transfer")
+ORDER = ("search", "physical", "performed", "modulation", "transfer")
 NEEDED = ("summary", "record", "baseline")
 KEPT = ("command", "settings", "versions", "platform", "created", "memories", "seeds", "seconds")
 

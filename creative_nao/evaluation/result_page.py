@@ -55,7 +55,7 @@ def result_page(published: Mapping[str, Results]) -> str:
 
     Args:
         published: Content of each result file, by its path as seen from the page. Suites `search`, `physical`,
-            `modulation` and `transfer` have a section each; others stand on the leaderboard alone.
+            `performed`, `modulation` and `transfer` have a section each; others stand on the leaderboard alone.
     """
     blocks = [*PREFACE]
     for suite, section in SECTIONS.items():
@@ -171,6 +171,21 @@ def _per_memory(results: Results, entries: Sequence[Entry], base: Entry) -> list
 
 
 def _physical(results: Results) -> list[str]:
+    return [
+        "## What physical execution changes",
+        *_body(
+            results,
+            "With so few memories, the interval for other memories, which decides this, is wide.",
+        ),
+    ]
+
+
+def _performed(results: Results) -> list[str]:
+    return ["### What was learned in the mind, performed", *_body(results, "Other memories may order them otherwise.")]
+
+
+def _body(results: Results, caution: str) -> list[str]:
+    """Return what the body changes, with the table; `caution` is said where nobody is ahead."""
     mind, body = _entries(results, MENTAL), {entry["agent"]: entry for entry in _entries(results, PHYSICAL)}
     base = _baseline(results, mind)
     changes = [100.0 * (body[e["agent"]]["reward"]["mean"] / e["reward"]["mean"] - 1.0) for e in mind]
@@ -178,23 +193,24 @@ def _physical(results: Results) -> list[str]:
     rows = []
     for entry, change in zip(mind, changes, strict=True):
         found = body[entry["agent"]]
-        against = interval(found["versus"]["difference"], 2, sign="+") if found["versus"] else "baseline"
+        against, others = "baseline", ""
+        if found["versus"]:
+            against = interval(found["versus"]["difference"], 2, sign="+")
+            others = span(found["versus"]["difference_other_memories"], 2, sign="+")
         refused = f"{_refused_pct(results, entry['agent']):.1f}"
-        figures = [interval(entry["reward"], 2), interval(found["reward"], 2), f"{change:+.1f}", refused, against]
-        rows.append([entry["agent"], *figures])
+        figures = [interval(entry["reward"], 2), interval(found["reward"], 2), f"{change:+.1f}", refused]
+        rows.append([entry["agent"], *figures, against, others])
     reasons = _reasons(results)
     titles = ("agent", "imagined", "performed", "change [%]", "refused by the body [%]", "performed, over baseline")
     return [
-        "## What physical execution changes",
         paragraph(
             f"The same agents with the same seeds on {base['n_memories']} memories, imagined and performed by the",
             f"standing robot ({base['n_seeds']} seeds, {results['rows'][0]['n_actions']} actions an episode).",
             f"Performed, an episode earns {min(changes):+.0f} to {max(changes):+.0f} % compared with imagined,",
             "depending on the agent. Ahead of uniform sampling when performed:",
-            f"{', '.join(ahead) if ahead else 'nobody demonstrably'}; with so few memories, the interval for other",
-            "memories that decides this is wide.",
+            f"{', '.join(ahead)}." if ahead else f"nobody demonstrably. {caution}",
         ),
-        table(titles, rows),
+        table((*titles, "on other memories"), rows),
         f"Why the body refused, over all agents: {reasons}." if reasons else "The body refused nothing.",
     ]
 
@@ -249,7 +265,13 @@ def _transfer(results: Results) -> list[str]:
     ]
 
 
-SECTIONS = {"search": _search, "physical": _physical, "modulation": _modulation, "transfer": _transfer}
+SECTIONS = {
+    "search": _search,
+    "physical": _physical,
+    "performed": _performed,
+    "modulation": _modulation,
+    "transfer": _transfer,
+}
 
 
 def _entries(results: Results, env: str) -> list[Entry]:
