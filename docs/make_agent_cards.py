@@ -121,9 +121,10 @@ scored in physics.
 
 The training of each took minutes of one core. Those for `Boxing-v0` and `BoxingMental-v0` choose among cells of the PB
 space and learned with its axes flipped and swapped; those for `BoxingModulation-v0` have the plain policies. A search
-of hyperparameters found nothing better ([how, and other seeds](trained_agents.md)). How much of what they learned carries
-over to unseen memories is what the second row of each card says; an interval that holds 0 means: not told apart from
-chance. Clips show the three best finds of an episode on half/10, drawn by `docs/make_agent_clips.py`.
+of hyperparameters found nothing better ([how, and other seeds](trained_agents.md)). How much of what they learned
+carries over to unseen memories is what the second row of each card says; an interval that holds 0 means: not told apart
+from chance. Clips show the three best finds of an episode on half/10, drawn by
+`docs/make_agent_clips.py`.
 
 Better than chance beyond doubt: {n_better} of {n_agents}.
 
