@@ -227,3 +227,12 @@ def test_without_the_baseline_nothing_is_compared(finished, make_suite):
     results = make_results(suite, few, base_seed=3)
     assert results["baseline"] is None
     assert all(found["versus"] is None for found in results["summary"])
+
+
+def test_the_readme_tells_the_published_figures():
+    results = json.loads((DOCS / "results" / "search.json").read_text(encoding="utf-8"))
+    told = " ".join((DOCS.parent / "README.md").read_text(encoding="utf-8").split())
+    for entry in results["summary"]:
+        if entry["agent"] in ("ppo/BoxingMental-v0", "sac/BoxingMental-v0", "sobol"):
+            found = entry["versus"]["difference"]
+            assert f"{found['mean']:+.2f} [{found['low']:+.2f}, {found['high']:+.2f}]" in told
