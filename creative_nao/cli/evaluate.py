@@ -38,9 +38,10 @@ class EvaluateSettings:
 
     suite: tyro.conf.Positional[str] = "quick"
     """`quick`: agents on one memory; `search`: all agents on memories no training has seen; `physical`: what the body
-    changes; `modulation`: a PB that changes while a movement unfolds; `transfer`: memories of other demonstrations; a
-    TOML file of your own; `paper`: the paper's Table I, figures and conclusions over many networks; `leaderboard`:
-    compare finished runs; `verify`: play a result file's episodes again."""
+    changes; `performed`: the same for the best agent on all of these memories; `modulation`: a PB that changes while a
+    movement unfolds; `transfer`: memories of other demonstrations; a TOML file of your own; `paper`: the paper's Table
+    I, figures and conclusions over many networks; `leaderboard`: compare finished runs; `verify`: play a result file's
+    episodes again."""
     files: tyro.conf.Positional[tuple[Path, ...]] = ()
     """leaderboard: finished run folders; verify: a result file or run folder."""
     out: Path | None = None
