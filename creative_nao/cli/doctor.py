@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from creative_nao.cores import usable_cores
+from creative_nao.errors import MissingDependencyError
 from creative_nao.provenance import versions
 from creative_nao.robot import headless
 
@@ -50,6 +51,7 @@ def examine() -> dict[str, Any]:
         },
         "rendering": headless.working_backend(),
         "software_renderer": _draws_in_software(back_ends),
+        "body": _body(),
         "numba_cache": _numba_cache(),
         "torch_threads": _torch_threads(),
         "video": importlib.util.find_spec("imageio_ffmpeg") is not None,
@@ -78,6 +80,15 @@ def _memory_gib() -> dict[str, float | None]:
     except (OSError, KeyError, ValueError):
         pass
     return {"total": round(total, 1), "available": round(free, 1)}
+
+
+def _body() -> dict[str, Any]:
+    """Return whether the robot can be built, and why not: without dm-control there is no physics, all else works."""
+    try:
+        importlib.import_module("creative_nao.robot.modelling")
+    except MissingDependencyError as error:
+        return {"works": False, "reason": str(error)}
+    return {"works": True, "reason": None}
 
 
 def _numba_cache() -> dict[str, Any]:
@@ -116,6 +127,7 @@ def _table(found: dict[str, Any]) -> str:
     if memory["total"] is not None:
         rows.append(("memory", f"{memory['available']:.1f} of {memory['total']:.1f} GiB available"))
     rows.append(("display", found["display"] or "none"))
+    rows.append(("robot's body", "works" if found["body"]["works"] else f"no: {found['body']['reason']}"))
     for name, state in found["back_ends"].items():
         advice = f"no: {state['reason']}; apt-get install {state['apt']}"
         rows.append((f"rendering: {name}", "works" if state["works"] else advice))

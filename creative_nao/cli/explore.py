@@ -60,6 +60,8 @@ def run(settings: ExploreSettings) -> int:
         return _write_page(settings, settings.html)
     try:
         from creative_nao.explorer.server import Exhibit, claim_port, serve
+    except MissingDependencyError:  # of the robot, and it says so better
+        raise
     except ImportError as error:
         raise MissingDependencyError(f"the explorer needs {error.name or 'NiceGUI'}: {INSTALL}") from error
     from creative_nao.explorer.physical import check_physical

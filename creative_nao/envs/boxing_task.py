@@ -16,12 +16,12 @@ from creative_nao.robot import headless  # first: it chooses how MuJoCo draws be
 # isort: split
 import mujoco
 import numpy as np
-from dm_control import composer
 from dm_env import specs
 
 from creative_nao.errors import SettingsError
 from creative_nao.joints import JOINTS, N_JOINTS, limits
 from creative_nao.robot.arena import PHYSICS_STEP_S
+from creative_nao.robot.modelling import composer
 from creative_nao.robot.performance import has_fallen, tilt_rad
 from creative_nao.robot.scene import BAG_FORCE, Scene
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dm_control import composer
+from creative_nao.robot.modelling import composer
 
 HALF_RING_M = 0.90
 """From the centre to a corner post, along x and y."""

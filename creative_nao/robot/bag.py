@@ -7,9 +7,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from dm_control import composer, mjcf
-from dm_control.composer import define
-from dm_control.composer.observation import observable
+from creative_nao.robot.modelling import composer, define, mjcf, observable
 
 
 @dataclasses.dataclass(frozen=True)

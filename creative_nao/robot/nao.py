@@ -10,12 +10,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from dm_control import composer, mjcf
-from dm_control.composer import define
-from dm_control.composer.observation import observable
-
 from creative_nao.joints import JOINTS
 from creative_nao.robot import shells
+from creative_nao.robot.modelling import composer, define, mjcf, observable
 from creative_nao.robot.servos import ServoSettings
 from creative_nao.robot.tables import FIST_IN_HAND_M, TORSO, Link, links
 

@@ -13,11 +13,11 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from dm_control import mjcf
 
 from creative_nao.joints import JOINTS
 from creative_nao.robot.arena import PHYSICS_STEP_S, Ring
 from creative_nao.robot.bag import Bag
+from creative_nao.robot.modelling import mjcf
 from creative_nao.robot.nao import MOTOR_JOINTS, Nao
 from creative_nao.robot.postures import POSTURES, posture
 from creative_nao.robot.servos import ServoSettings, Stiffness
