@@ -16,8 +16,8 @@ except ModuleNotFoundError as error:
     if error.name != "dm_control":
         raise
     raise MissingDependencyError(
-        "the robot's body needs dm-control, which pip leaves out on Python 3.13 (labmaze, which dm-control asks for "
-        "and nothing here uses, has no wheel there); install it with: pip install --no-deps dm-control"
+        "dm-control is missing: pip leaves it out on Python 3.13 (labmaze, which dm-control asks for "
+        "and nothing here uses, has no wheel there); the robot's body needs it: pip install --no-deps dm-control"
     ) from None
 
 __all__ = ["composer", "define", "mjcf", "observable"]

@@ -57,6 +57,7 @@ def test_what_needs_the_body_says_how_to_get_it(code):
         ["map", "half/0", "--physical", "--resolution", "2", "--out", "map.npz"],
         ["teach", "--out", "taught"],
         ["export", "half/0", "--pb", "0.1", "0.2", "--out", "film.gif"],
+        ["evaluate", "quick", "--out", "run"],
         ["explore", "half/0", "--no-open", "--resolution", "9"],
     ],
     ids=lambda words: words[0],
