@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from creative_nao.measures._fused import squared_length
 from creative_nao.model.kernels import compiled
 
 LANES = 8
@@ -34,13 +35,13 @@ def _against_eight_joints(x, width, n_steps, y, rows, out):
                 middle, far = up[v], up2[v]
                 best = middle if middle < diag[v] else diag[v]
                 best = left[v] if left[v] < best else best
-                low = (p0 - y0) ** 2 + (p1 - y1) ** 2 + (p2 - y2) ** 2 + (p3 - y3) ** 2
-                near = np.sqrt(low + (p4 - y4) ** 2 + (p5 - y5) ** 2 + (p6 - y6) ** 2 + (p7 - y7) ** 2) + best
+                squares = squared_length(p0 - y0, p1 - y1, p2 - y2, p3 - y3, p4 - y4, p5 - y5, p6 - y6, p7 - y7)
+                near = np.sqrt(squares) + best
                 cell[v] = near
                 best = far if far < middle else middle
                 best = near if near < best else best
-                low = (p0 - z0) ** 2 + (p1 - z1) ** 2 + (p2 - z2) ** 2 + (p3 - z3) ** 2
-                cell2[v] = np.sqrt(low + (p4 - z4) ** 2 + (p5 - z5) ** 2 + (p6 - z6) ** 2 + (p7 - z7) ** 2) + best
+                squares = squared_length(p0 - z0, p1 - z1, p2 - z2, p3 - z3, p4 - z4, p5 - z5, p6 - z6, p7 - z7)
+                cell2[v] = np.sqrt(squares) + best
         if m & 1:
             j = m - 1
             y0, y1, y2, y3 = y[j, 0], y[j, 1], y[j, 2], y[j, 3]
@@ -49,9 +50,11 @@ def _against_eight_joints(x, width, n_steps, y, rows, out):
             for v in range(np.uint64(0), np.uint64(width)):
                 best = up[v] if up[v] < diag[v] else diag[v]
                 best = left[v] if left[v] < best else best
-                low = (p[0, v] - y0) ** 2 + (p[1, v] - y1) ** 2 + (p[2, v] - y2) ** 2 + (p[3, v] - y3) ** 2
-                low2 = low + (p[4, v] - y4) ** 2 + (p[5, v] - y5) ** 2
-                cell[v] = np.sqrt(low2 + (p[6, v] - y6) ** 2 + (p[7, v] - y7) ** 2) + best
+                squares = squared_length(
+                    p[0, v] - y0, p[1, v] - y1, p[2, v] - y2, p[3, v] - y3,
+                    p[4, v] - y4, p[5, v] - y5, p[6, v] - y6, p[7, v] - y7,
+                )  # fmt: skip
+                cell[v] = np.sqrt(squares) + best
         before[0, :width] = BORDER  # only the very first cell may be entered from outside
         for v in range(width):
             if n_steps[v] == i + 1:
@@ -72,9 +75,10 @@ def _against_more_joints(x, width, n_steps, y, rows, squares, out):
                 p, q = x[i, k : k + 8], y[j, k : k + 8]
                 y0, y1, y2, y3, y4, y5, y6, y7 = q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7]
                 for v in range(np.uint64(0), np.uint64(width)):
-                    low = (p[0, v] - y0) ** 2 + (p[1, v] - y1) ** 2 + (p[2, v] - y2) ** 2 + (p[3, v] - y3) ** 2
-                    low2 = low + (p[4, v] - y4) ** 2 + (p[5, v] - y5) ** 2
-                    squares[v] += low2 + (p[6, v] - y6) ** 2 + (p[7, v] - y7) ** 2
+                    squares[v] += squared_length(
+                        p[0, v] - y0, p[1, v] - y1, p[2, v] - y2, p[3, v] - y3,
+                        p[4, v] - y4, p[5, v] - y5, p[6, v] - y6, p[7, v] - y7,
+                    )  # fmt: skip
             diag, up, left, cell = before[j], before[j + 1], now[j], now[j + 1]
             for v in range(np.uint64(0), np.uint64(width)):
                 best = up[v] if up[v] < diag[v] else diag[v]

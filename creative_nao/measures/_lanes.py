@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
+from creative_nao.measures._fused import squared_length
+
 LANE_BYTES = 512
 """Size of one number of every trajectory in a batch: 128 trajectories in float32, 64 in float64."""
 
@@ -37,10 +39,10 @@ def _jit(**options: Any) -> Any:
     return wrap
 
 
-# Infinity is never used (the border is a large number), so contraction to fused multiply-add is the only licence taken.
+# No fast-math licence is taken: products and sums are fused by `squared_length`, everywhere alike.
 # `np.uint64` keeps numba's test for negative indices out of the loop; with it LLVM does not vectorise, 13 times slower.
 # The eight names are not vanity either: a loop over the joints inside the lane loop costs a factor of 40.
-@_jit(fastmath={"contract"})
+@_jit()
 def _against_one(x, n_steps, y, start, rows, out):
     """Distances of the lanes `start` and above to one trajectory of eight joints.
 
@@ -66,13 +68,13 @@ def _against_one(x, n_steps, y, start, rows, out):
                 middle, far = up[v], up2[v]
                 best = middle if middle < diag[v] else diag[v]
                 best = left[v] if left[v] < best else best
-                low = (p0 - y0) ** 2 + (p1 - y1) ** 2 + (p2 - y2) ** 2 + (p3 - y3) ** 2
-                near = np.sqrt(low + (p4 - y4) ** 2 + (p5 - y5) ** 2 + (p6 - y6) ** 2 + (p7 - y7) ** 2) + best
+                squares = squared_length(p0 - y0, p1 - y1, p2 - y2, p3 - y3, p4 - y4, p5 - y5, p6 - y6, p7 - y7)
+                near = np.sqrt(squares) + best
                 cell[v] = near
                 best = far if far < middle else middle
                 best = near if near < best else best
-                low = (p0 - z0) ** 2 + (p1 - z1) ** 2 + (p2 - z2) ** 2 + (p3 - z3) ** 2
-                cell2[v] = np.sqrt(low + (p4 - z4) ** 2 + (p5 - z5) ** 2 + (p6 - z6) ** 2 + (p7 - z7) ** 2) + best
+                squares = squared_length(p0 - z0, p1 - z1, p2 - z2, p3 - z3, p4 - z4, p5 - z5, p6 - z6, p7 - z7)
+                cell2[v] = np.sqrt(squares) + best
         if m & 1:
             j = m - 1
             y0, y1, y2, y3 = y[j, 0], y[j, 1], y[j, 2], y[j, 3]
@@ -81,16 +83,18 @@ def _against_one(x, n_steps, y, start, rows, out):
             for v in range(np.uint64(start), np.uint64(x.shape[2])):
                 best = up[v] if up[v] < diag[v] else diag[v]
                 best = left[v] if left[v] < best else best
-                low = (p[0, v] - y0) ** 2 + (p[1, v] - y1) ** 2 + (p[2, v] - y2) ** 2 + (p[3, v] - y3) ** 2
-                low2 = low + (p[4, v] - y4) ** 2 + (p[5, v] - y5) ** 2
-                cell[v] = np.sqrt(low2 + (p[6, v] - y6) ** 2 + (p[7, v] - y7) ** 2) + best
+                squares = squared_length(
+                    p[0, v] - y0, p[1, v] - y1, p[2, v] - y2, p[3, v] - y3,
+                    p[4, v] - y4, p[5, v] - y5, p[6, v] - y6, p[7, v] - y7,
+                )  # fmt: skip
+                cell[v] = np.sqrt(squares) + best
         before[0] = border  # only the very first cell may be entered from outside
         for v in range(np.uint64(start), np.uint64(x.shape[2])):
             if n_steps[v] == i + 1:
                 out[v] = now[m, v]
 
 
-@_jit(fastmath={"contract"})
+@_jit()
 def _against_one_wide(x, n_steps, y, start, rows, squares, out):
     """The same for 16, 24, ... joints: the squared distance is summed in `squares` (lanes,) block by block first."""
     m = y.shape[0]
@@ -108,9 +112,10 @@ def _against_one_wide(x, n_steps, y, start, rows, squares, out):
                 y0, y1, y2, y3 = y[j, k], y[j, k + 1], y[j, k + 2], y[j, k + 3]
                 y4, y5, y6, y7 = y[j, k + 4], y[j, k + 5], y[j, k + 6], y[j, k + 7]
                 for v in range(np.uint64(start), np.uint64(x.shape[2])):
-                    low = (p[0, v] - y0) ** 2 + (p[1, v] - y1) ** 2 + (p[2, v] - y2) ** 2 + (p[3, v] - y3) ** 2
-                    low2 = low + (p[4, v] - y4) ** 2 + (p[5, v] - y5) ** 2
-                    squares[v] += low2 + (p[6, v] - y6) ** 2 + (p[7, v] - y7) ** 2
+                    squares[v] += squared_length(
+                        p[0, v] - y0, p[1, v] - y1, p[2, v] - y2, p[3, v] - y3,
+                        p[4, v] - y4, p[5, v] - y5, p[6, v] - y6, p[7, v] - y7,
+                    )  # fmt: skip
             diag, up, left, cell = before[j], before[j + 1], now[j], now[j + 1]
             for v in range(np.uint64(start), np.uint64(x.shape[2])):
                 best = up[v] if up[v] < diag[v] else diag[v]

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from creative_nao.measures._fused import squared_length
 from creative_nao.measures._lanes import BLOCK, STEP, _jit
 
 LANES = 32
 """Pairs side by side: both members and two rows of the dynamic programme stay in a fast cache."""
 
 
-@_jit(fastmath={"contract"})
+@_jit()
 def _side_by_side(x, y, rows, squares):
     """Fill row 0 or 1 of `rows`, returned, column by column; its last column holds the distances.
 
     x, y: (ticks, joints, lanes) the members of the pairs; rows: (2, ticks + 1, lanes) and squares: (lanes,) working
-    memory. The expressions are those of `_lanes.py`, so a pair has the same bits here and there.
+    memory. The expression is that of `_lanes.py`, so a pair has the same bits here and there.
     """
     m = y.shape[0]
     rows[:] = x.dtype.type(1e30)
@@ -27,9 +28,10 @@ def _side_by_side(x, y, rows, squares):
             for k in range(0, x.shape[1], BLOCK):
                 p, q = x[i, k : k + BLOCK], y[j, k : k + BLOCK]
                 for v in range(np.uint64(0), np.uint64(x.shape[2])):
-                    low = (p[0, v] - q[0, v]) ** 2 + (p[1, v] - q[1, v]) ** 2 + (p[2, v] - q[2, v]) ** 2
-                    low2 = low + (p[3, v] - q[3, v]) ** 2 + (p[4, v] - q[4, v]) ** 2 + (p[5, v] - q[5, v]) ** 2
-                    squares[v] += low2 + (p[6, v] - q[6, v]) ** 2 + (p[7, v] - q[7, v]) ** 2
+                    squares[v] += squared_length(
+                        p[0, v] - q[0, v], p[1, v] - q[1, v], p[2, v] - q[2, v], p[3, v] - q[3, v],
+                        p[4, v] - q[4, v], p[5, v] - q[5, v], p[6, v] - q[6, v], p[7, v] - q[7, v],
+                    )  # fmt: skip
             diag, up, left, cell = before[j], before[j + 1], now[j], now[j + 1]
             for v in range(np.uint64(0), np.uint64(x.shape[2])):
                 best = up[v] if up[v] < diag[v] else diag[v]
