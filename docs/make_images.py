@@ -1,7 +1,10 @@
-"""Draw the pictures of the documentation again: `python docs/make_images.py [strips|film|maps|physical|small] ...`."""
+"""Draw the pictures of the documentation again: `python docs/make_images.py [strips|film|maps|physical|small] ...`.
 
+`docs/make_explorer_images.py` takes those of the explorer.
+"""
+
+import argparse
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -79,5 +82,10 @@ def physical() -> None:
 
 if __name__ == "__main__":
     drawn = {"strips": strips, "film": film, "maps": maps, "physical": physical, "small": small}
-    for word in sys.argv[1:] or drawn:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("words", nargs="*", help="default: all")
+    words = parser.parse_args().words or list(drawn)
+    if unknown := [word for word in words if word not in drawn]:
+        parser.error(f"no pictures `{unknown[0]}`; there are {', '.join(drawn)}")
+    for word in words:
         drawn[word]()
