@@ -8,83 +8,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from creative_nao.measures._fused import squared_length
+from creative_nao.measures._cells import BORDER, fill_row
 from creative_nao.model.kernels import compiled
 
 LANES = 8
 """Known movements are kept in multiples of this: one 512-bit register of float64."""
-BORDER = 1e30
 
 
 @compiled()
-def _against_eight_joints(x, width, n_steps, y, rows, out):
-    """Distances of the first `width` lanes of x (ticks, 8, lanes), each `n_steps` long, to y (m, 8)."""
-    m = y.shape[0]
-    rows[:, : m + 1, :width] = BORDER
-    rows[0, 0, :width] = 0
-    for i in range(x.shape[0]):
-        p, before, now = x[i], rows[i & 1], rows[1 - (i & 1)]
-        for j in range(0, m - 1, 2):
-            y0, y1, y2, y3 = y[j, 0], y[j, 1], y[j, 2], y[j, 3]
-            y4, y5, y6, y7 = y[j, 4], y[j, 5], y[j, 6], y[j, 7]
-            z0, z1, z2, z3 = y[j + 1, 0], y[j + 1, 1], y[j + 1, 2], y[j + 1, 3]
-            z4, z5, z6, z7 = y[j + 1, 4], y[j + 1, 5], y[j + 1, 6], y[j + 1, 7]
-            diag, up, up2, left, cell, cell2 = before[j], before[j + 1], before[j + 2], now[j], now[j + 1], now[j + 2]
-            for v in range(np.uint64(0), np.uint64(width)):
-                p0, p1, p2, p3, p4, p5, p6, p7 = p[0, v], p[1, v], p[2, v], p[3, v], p[4, v], p[5, v], p[6, v], p[7, v]
-                middle, far = up[v], up2[v]
-                best = middle if middle < diag[v] else diag[v]
-                best = left[v] if left[v] < best else best
-                squares = squared_length(p0 - y0, p1 - y1, p2 - y2, p3 - y3, p4 - y4, p5 - y5, p6 - y6, p7 - y7)
-                near = np.sqrt(squares) + best
-                cell[v] = near
-                best = far if far < middle else middle
-                best = near if near < best else best
-                squares = squared_length(p0 - z0, p1 - z1, p2 - z2, p3 - z3, p4 - z4, p5 - z5, p6 - z6, p7 - z7)
-                cell2[v] = np.sqrt(squares) + best
-        if m & 1:
-            j = m - 1
-            y0, y1, y2, y3 = y[j, 0], y[j, 1], y[j, 2], y[j, 3]
-            y4, y5, y6, y7 = y[j, 4], y[j, 5], y[j, 6], y[j, 7]
-            diag, up, left, cell = before[j], before[m], now[j], now[m]
-            for v in range(np.uint64(0), np.uint64(width)):
-                best = up[v] if up[v] < diag[v] else diag[v]
-                best = left[v] if left[v] < best else best
-                squares = squared_length(
-                    p[0, v] - y0, p[1, v] - y1, p[2, v] - y2, p[3, v] - y3,
-                    p[4, v] - y4, p[5, v] - y5, p[6, v] - y6, p[7, v] - y7,
-                )  # fmt: skip
-                cell[v] = np.sqrt(squares) + best
-        before[0, :width] = BORDER  # only the very first cell may be entered from outside
-        for v in range(width):
-            if n_steps[v] == i + 1:
-                out[v] = now[m, v]
-
-
-@compiled()
-def _against_more_joints(x, width, n_steps, y, rows, squares, out):
-    """The same for 16, 24, ... joints: the squared distance is summed block by block first."""
+def _against_one(x, width, n_steps, y, rows, squares, out):
+    """Distances of the first `width` lanes of x (ticks, joints, lanes), each `n_steps` long, to y (m, joints)."""
     m = y.shape[0]
     rows[:, : m + 1, :width] = BORDER
     rows[0, 0, :width] = 0
     for i in range(x.shape[0]):
         before, now = rows[i & 1], rows[1 - (i & 1)]
-        for j in range(m):
-            squares[:] = 0
-            for k in range(0, y.shape[1], 8):
-                p, q = x[i, k : k + 8], y[j, k : k + 8]
-                y0, y1, y2, y3, y4, y5, y6, y7 = q[0], q[1], q[2], q[3], q[4], q[5], q[6], q[7]
-                for v in range(np.uint64(0), np.uint64(width)):
-                    squares[v] += squared_length(
-                        p[0, v] - y0, p[1, v] - y1, p[2, v] - y2, p[3, v] - y3,
-                        p[4, v] - y4, p[5, v] - y5, p[6, v] - y6, p[7, v] - y7,
-                    )  # fmt: skip
-            diag, up, left, cell = before[j], before[j + 1], now[j], now[j + 1]
-            for v in range(np.uint64(0), np.uint64(width)):
-                best = up[v] if up[v] < diag[v] else diag[v]
-                best = left[v] if left[v] < best else best
-                cell[v] = np.sqrt(squares[v]) + best
-        before[0, :width] = BORDER
+        fill_row(x[i], y, before, now, squares, 0, width)
+        before[0, :width] = BORDER  # only the very first cell may be entered from outside
         for v in range(width):
             if n_steps[v] == i + 1:
                 out[v] = now[m, v]
@@ -105,10 +45,7 @@ def compare_rows(which, trajectories, known, n_steps, sizes, out):
         robot = which[k]
         width = (sizes[robot] + LANES - 1) // LANES * LANES
         y[:, :n_joints] = trajectories[k]
-        if joints == 8:
-            _against_eight_joints(known[robot], width, n_steps[robot], y, rows, out[k])
-        else:
-            _against_more_joints(known[robot], width, n_steps[robot], y, rows, squares, out[k])
+        _against_one(known[robot], width, n_steps[robot], y, rows, squares, out[k])
 
 
 @compiled()

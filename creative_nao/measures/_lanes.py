@@ -15,16 +15,13 @@ from typing import Any
 import numpy as np
 from numba import njit, prange
 
-from creative_nao.measures._fused import squared_length
+from creative_nao.measures._cells import BORDER, fill_row
 
 LANE_BYTES = 512
 """Size of one number of every trajectory in a batch: 128 trajectories in float32, 64 in float64."""
 
 STEP = 16
 """Lanes go in steps of one 512-bit register of float32."""
-
-BLOCK = 8
-"""Joints handled by one expression; the caller pads with zeros, which change no distance."""
 
 
 def _jit(**options: Any) -> Any:
@@ -39,89 +36,22 @@ def _jit(**options: Any) -> Any:
     return wrap
 
 
-# No fast-math licence is taken: products and sums are fused by `squared_length`, everywhere alike.
-# `np.uint64` keeps numba's test for negative indices out of the loop; with it LLVM does not vectorise, 13 times slower.
-# The eight names are not vanity either: a loop over the joints inside the lane loop costs a factor of 40.
 @_jit()
-def _against_one(x, n_steps, y, start, rows, out):
-    """Distances of the lanes `start` and above to one trajectory of eight joints.
+def _against_one(x, n_steps, y, start, rows, squares, out):
+    """Distances of the lanes `start` and above to one trajectory.
 
-    x: (ticks, 8, lanes) side by side; n_steps: (lanes,) their lengths, rising; y: (m, 8) the other trajectory;
-    rows: (2, m + 1 or more, lanes) working memory; out: (lanes,) the distances.
+    x: (ticks, joints, lanes) side by side; n_steps: (lanes,) their lengths, rising; y: (m, joints) the other;
+    rows: (2, m + 1 or more, lanes) and squares: (lanes,) working memory; out: (lanes,) the distances.
     """
     m = y.shape[0]
-    border = x.dtype.type(1e30)
-    rows[:, : m + 1] = border
+    rows[:, : m + 1] = BORDER
     rows[0, 0] = 0
     for i in range(x.shape[0]):
         while start + STEP < x.shape[2] and n_steps[start + STEP - 1] <= i:  # these lanes are done
             start += STEP
-        p, before, now = x[i], rows[i & 1], rows[1 - (i & 1)]
-        for j in range(0, m - 1, 2):
-            y0, y1, y2, y3 = y[j, 0], y[j, 1], y[j, 2], y[j, 3]
-            y4, y5, y6, y7 = y[j, 4], y[j, 5], y[j, 6], y[j, 7]
-            z0, z1, z2, z3 = y[j + 1, 0], y[j + 1, 1], y[j + 1, 2], y[j + 1, 3]
-            z4, z5, z6, z7 = y[j + 1, 4], y[j + 1, 5], y[j + 1, 6], y[j + 1, 7]
-            diag, up, up2, left, cell, cell2 = before[j], before[j + 1], before[j + 2], now[j], now[j + 1], now[j + 2]
-            for v in range(np.uint64(start), np.uint64(x.shape[2])):
-                p0, p1, p2, p3, p4, p5, p6, p7 = p[0, v], p[1, v], p[2, v], p[3, v], p[4, v], p[5, v], p[6, v], p[7, v]
-                middle, far = up[v], up2[v]
-                best = middle if middle < diag[v] else diag[v]
-                best = left[v] if left[v] < best else best
-                squares = squared_length(p0 - y0, p1 - y1, p2 - y2, p3 - y3, p4 - y4, p5 - y5, p6 - y6, p7 - y7)
-                near = np.sqrt(squares) + best
-                cell[v] = near
-                best = far if far < middle else middle
-                best = near if near < best else best
-                squares = squared_length(p0 - z0, p1 - z1, p2 - z2, p3 - z3, p4 - z4, p5 - z5, p6 - z6, p7 - z7)
-                cell2[v] = np.sqrt(squares) + best
-        if m & 1:
-            j = m - 1
-            y0, y1, y2, y3 = y[j, 0], y[j, 1], y[j, 2], y[j, 3]
-            y4, y5, y6, y7 = y[j, 4], y[j, 5], y[j, 6], y[j, 7]
-            diag, up, left, cell = before[j], before[m], now[j], now[m]
-            for v in range(np.uint64(start), np.uint64(x.shape[2])):
-                best = up[v] if up[v] < diag[v] else diag[v]
-                best = left[v] if left[v] < best else best
-                squares = squared_length(
-                    p[0, v] - y0, p[1, v] - y1, p[2, v] - y2, p[3, v] - y3,
-                    p[4, v] - y4, p[5, v] - y5, p[6, v] - y6, p[7, v] - y7,
-                )  # fmt: skip
-                cell[v] = np.sqrt(squares) + best
-        before[0] = border  # only the very first cell may be entered from outside
-        for v in range(np.uint64(start), np.uint64(x.shape[2])):
-            if n_steps[v] == i + 1:
-                out[v] = now[m, v]
-
-
-@_jit()
-def _against_one_wide(x, n_steps, y, start, rows, squares, out):
-    """The same for 16, 24, ... joints: the squared distance is summed in `squares` (lanes,) block by block first."""
-    m = y.shape[0]
-    border = x.dtype.type(1e30)
-    rows[:, : m + 1] = border
-    rows[0, 0] = 0
-    for i in range(x.shape[0]):
-        while start + STEP < x.shape[2] and n_steps[start + STEP - 1] <= i:
-            start += STEP
         before, now = rows[i & 1], rows[1 - (i & 1)]
-        for j in range(m):
-            squares[:] = 0
-            for k in range(0, y.shape[1], BLOCK):
-                p = x[i, k : k + BLOCK]
-                y0, y1, y2, y3 = y[j, k], y[j, k + 1], y[j, k + 2], y[j, k + 3]
-                y4, y5, y6, y7 = y[j, k + 4], y[j, k + 5], y[j, k + 6], y[j, k + 7]
-                for v in range(np.uint64(start), np.uint64(x.shape[2])):
-                    squares[v] += squared_length(
-                        p[0, v] - y0, p[1, v] - y1, p[2, v] - y2, p[3, v] - y3,
-                        p[4, v] - y4, p[5, v] - y5, p[6, v] - y6, p[7, v] - y7,
-                    )  # fmt: skip
-            diag, up, left, cell = before[j], before[j + 1], now[j], now[j + 1]
-            for v in range(np.uint64(start), np.uint64(x.shape[2])):
-                best = up[v] if up[v] < diag[v] else diag[v]
-                best = left[v] if left[v] < best else best
-                cell[v] = np.sqrt(squares[v]) + best
-        before[0] = border
+        fill_row(x[i], y, before, now, squares, start, x.shape[2])
+        before[0] = BORDER  # only the very first cell may be entered from outside
         for v in range(np.uint64(start), np.uint64(x.shape[2])):
             if n_steps[v] == i + 1:
                 out[v] = now[m, v]
@@ -149,10 +79,7 @@ def _batch(first, lanes, xs, x_offset, x_order, ys, y_offset, y_order, symmetric
         start = max(0, place + 1 - first) // STEP * STEP if symmetric else 0
         if start < count:
             y = ys[y_offset[b] : y_offset[b + 1]]
-            if xs.shape[1] == BLOCK:
-                _against_one(x, n_steps, y, start, rows, distances)
-            else:
-                _against_one_wide(x, n_steps, y, start, rows, squares, distances)
+            _against_one(x, n_steps, y, start, rows, squares, distances)
             for lane in range(start, count):
                 if not symmetric or first + lane > place:
                     out[x_order[first + lane], b] = distances[lane]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from creative_nao.measures._fused import squared_length
-from creative_nao.measures._lanes import BLOCK, STEP, _jit
+from creative_nao.measures._cells import BLOCK, BORDER, fill_column, squared_length
+from creative_nao.measures._lanes import STEP, _jit
 
 LANES = 32
 """Pairs side by side: both members and two rows of the dynamic programme stay in a fast cache."""
@@ -19,7 +19,7 @@ def _side_by_side(x, y, rows, squares):
     memory. The expression is that of `_lanes.py`, so a pair has the same bits here and there.
     """
     m = y.shape[0]
-    rows[:] = x.dtype.type(1e30)
+    rows[:] = BORDER
     rows[0, 0] = 0
     for i in range(x.shape[0]):
         before, now = rows[i & 1], rows[1 - (i & 1)]
@@ -32,12 +32,8 @@ def _side_by_side(x, y, rows, squares):
                         p[0, v] - q[0, v], p[1, v] - q[1, v], p[2, v] - q[2, v], p[3, v] - q[3, v],
                         p[4, v] - q[4, v], p[5, v] - q[5, v], p[6, v] - q[6, v], p[7, v] - q[7, v],
                     )  # fmt: skip
-            diag, up, left, cell = before[j], before[j + 1], now[j], now[j + 1]
-            for v in range(np.uint64(0), np.uint64(x.shape[2])):
-                best = up[v] if up[v] < diag[v] else diag[v]
-                best = left[v] if left[v] < best else best
-                cell[v] = np.sqrt(squares[v]) + best
-        before[0] = x.dtype.type(1e30)  # only the very first cell may be entered from outside
+            fill_column(squares, j, before, now, 0, x.shape[2])
+        before[0] = BORDER  # only the very first cell may be entered from outside
     return x.shape[0] & 1
 
 
