@@ -11,6 +11,7 @@ counts as a finding and where findings are written are the same. Half of the inp
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import re
 import subprocess
@@ -26,8 +27,9 @@ try:
 except ImportError:
     sys.exit("this fuzzer needs atheris, which has wheels for Linux: pip install atheris")
 
-# Kernels are imported when they are first needed, which is later: numba could not compile what is instrumented.
-with atheris.instrument_imports(include=["creative_nao"]):
+# Only the processes that fuzz are measured. Kernels are imported when they are first needed, which is later: numba could
+# not compile what is instrumented.
+with atheris.instrument_imports(include=["creative_nao"]) if "--one" in sys.argv else contextlib.nullcontext():
     import fuzz_loaders
     from fuzz_loaders import KINDS, Campaign, make_victims, mutate
 
