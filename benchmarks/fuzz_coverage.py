@@ -27,8 +27,8 @@ try:
 except ImportError:
     sys.exit("this fuzzer needs atheris, which has wheels for Linux: pip install atheris")
 
-# Only the processes that fuzz are measured. Kernels are imported when they are first needed, which is later: numba could
-# not compile what is instrumented.
+# Only the processes that fuzz are measured. Kernels are imported when they are first needed, which is later: numba
+# could not compile what is instrumented.
 with atheris.instrument_imports(include=["creative_nao"]) if "--one" in sys.argv else contextlib.nullcontext():
     import fuzz_loaders
     from fuzz_loaders import KINDS, Campaign, make_victims, mutate
