@@ -39,7 +39,7 @@ def strips() -> None:
 
 
 def film() -> None:
-    """Draw three punches at the robot's own pace as a GIF of less than 2 MB."""
+    """Draw three punches at the robot's own pace as a GIF of less than 1 MB."""
     demos = load_demonstrations()
     performer = Performer(settings=PlaybackSettings(frame_dt_s=FILM_FRAME_S))
     frames = []

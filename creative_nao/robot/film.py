@@ -94,12 +94,13 @@ def write_gif(images: Sequence[np.ndarray], path: str | os.PathLike[str], *, fra
         )
     # One palette for all pictures, made from a sample of them: with one each, the background flickers.
     sample = np.concatenate(moments(np.stack(images), min(len(images), _PALETTE_SAMPLES)))
-    palette = Image.fromarray(sample).quantize(colors=256, method=Image.Quantize.MEDIANCUT)
+    # The one colour left over stands for pixels that stay as they are, which halves the file.
+    palette = Image.fromarray(sample).quantize(colors=255, method=Image.Quantize.MEDIANCUT)
     first, *rest = [Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     with atomic.replacing(path) as temporary:
         first.save(
             temporary, format="GIF", save_all=True, append_images=rest, duration=round(frame_dt_s * 1000), loop=0,
-            optimize=False, disposal=1,
+            optimize=True, disposal=1,
         )  # fmt: skip
     return Path(path)
 
