@@ -172,6 +172,25 @@ def test_a_gif_keeps_its_pictures_and_pace(tmp_path):
         assert (gif.size, gif.n_frames, gif.info["duration"], gif.info["loop"]) == ((30, 20), 3, 50, 0)
 
 
+def test_a_gif_stores_only_what_changes(tmp_path):
+    """Before a busy background a square moves and two corners change: the pictures come back, none is stored whole."""
+    rng = np.random.default_rng(0)
+    colours = rng.integers(0, 256, (200, 3)).astype(np.uint8)
+    background = colours[rng.integers(0, 200, (120, 160))]
+    images = [background.copy() for _ in range(12)]
+    for step, image in enumerate(images):
+        image[20:26, 5 * step : 5 * step + 6] = colours[0]
+        image[0, 0] = image[-1, -1] = colours[step]
+    path = write_gif(images, tmp_path / "moving.gif", frame_dt_s=0.05)
+    one = write_gif(images[:1], tmp_path / "one.gif", frame_dt_s=0.05)
+
+    assert path.stat().st_size < 3 * one.stat().st_size
+    with Image.open(path) as gif:
+        for number, image in enumerate(images):
+            gif.seek(number)
+            np.testing.assert_array_equal(np.asarray(gif.convert("RGB")), image)
+
+
 def test_moments_keep_the_first_and_the_last():
     assert moments(np.arange(11)[:, None], 3)[:, 0].tolist() == [0, 5, 10]
 
