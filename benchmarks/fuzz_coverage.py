@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import re
 import subprocess
 import sys
@@ -50,7 +51,11 @@ def main() -> int:
     print("| kind | inputs | edges at the start | edges at the end | findings |\n| --- | ---: | ---: | ---: | ---: |")
     for kind in chosen.kinds.split(","):
         words = ["--one", kind, "--seconds", str(chosen.seconds), "--seed", str(chosen.seed), "--corpus", chosen.corpus]
-        done = subprocess.run([sys.executable, __file__, *words], capture_output=True, text=True, errors="replace")
+        with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:  # libFuzzer leaves all in it
+            done = subprocess.run(
+                [sys.executable, __file__, *words], env=os.environ | {"TMPDIR": folder}, capture_output=True,
+                text=True, errors="replace",
+            )  # fmt: skip
         told = done.stderr + done.stdout
         inputs = re.search(r"number_of_executed_units:\s*(\d+)", told)
         edges = re.findall(r"cov: (\d+)", told)

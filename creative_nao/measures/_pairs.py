@@ -16,7 +16,7 @@ def _side_by_side(x, y, rows, squares):
     """Fill row 0 or 1 of `rows`, returned, column by column; its last column holds the distances.
 
     x, y: (ticks, joints, lanes) the members of the pairs; rows: (2, ticks + 1, lanes) and squares: (lanes,) working
-    memory. The expression is that of `_lanes.py`, so a pair has the same bits here and there.
+    memory. The expressions are those of `_cells.py`, so a pair has the same bits as elsewhere.
     """
     m = y.shape[0]
     rows[:] = BORDER
