@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 LONGEST_MESSAGE = 990
 """Characters; a message quotes files, and a file may hold a name of a megabyte."""
@@ -59,3 +60,16 @@ def nearest_name(name: str, known: Iterable[str]) -> str:
     """Return `` (did you mean `x`?)`` for the known name most like `name`, else an empty string."""
     matches = difflib.get_close_matches(name[:100], [word for word in known if len(word) <= 100], n=1, cutoff=0.5)
     return f" (did you mean `{matches[0]}`?)" if matches else ""
+
+
+def shown(value: Any) -> str:
+    """Return the beginning of a value for a message; the whole one may be huge."""
+    if isinstance(value, list | tuple | dict) and len(value) > 8:
+        return f"a {type(value).__name__} of {len(value)}"
+    if isinstance(value, str) and len(value) > 60:
+        return f"{repr(value[:40])[:60]}... of {len(value)} characters"
+    try:
+        found = repr(value)
+    except (RecursionError, ValueError):  # ValueError: a whole number of more digits than Python writes
+        return f"a {type(value).__name__}"
+    return found if len(found) <= 80 else f"{found[:60]}..."

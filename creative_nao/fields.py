@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Iterable
 from typing import Any
 
-from creative_nao.errors import FileFormatError
+from creative_nao.errors import FileFormatError, shown
 
 LONGEST_NAME = 200
 """Characters of a name: of a joint, an action, an agent."""
@@ -124,19 +124,6 @@ def is_plain_name(name: str) -> bool:
     """Return whether a name may become a file's: nothing in it leads elsewhere, hides the file or cannot be seen."""
     letters = 0 < len(name) <= LONGEST_NAME and name.isprintable() and not any(mark in name for mark in "/\\:")
     return letters and not name.startswith(".") and name == name.strip()
-
-
-def shown(value: Any) -> str:
-    """Return the beginning of a value for a message; the whole one may be huge."""
-    if isinstance(value, list | tuple | dict) and len(value) > 8:
-        return f"a {type(value).__name__} of {len(value)}"
-    if isinstance(value, str) and len(value) > 60:
-        return f"{repr(value[:40])[:60]}... of {len(value)} characters"
-    try:
-        found = repr(value)
-    except (RecursionError, ValueError):  # ValueError: a whole number of more digits than Python writes
-        return f"a {type(value).__name__}"
-    return found if len(found) <= 80 else f"{found[:60]}..."
 
 
 def is_writable(text: str) -> bool:

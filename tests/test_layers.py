@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "creative_nao"
-BASE = {"joints", "errors", "atomic", "provenance", "fields", "cores", "npz", "tensorfile", "untrusted"}
+BASE = {"joints", "errors", "atomic", "provenance", "fields", "cores", "npz", "tensorfile", "untrusted", "schema"}
 ORDER = [
     "cli",
     "explorer",

@@ -1,0 +1,398 @@
+"""One schema for every record in a file: strict pydantic dataclasses, and one line of error that names the field.
+
+    from creative_nao.schema import Count, Field, Name, Version1, parse, record
+
+    @record
+    class Walk:
+        \"\"\"A walk.\"\"\"
+
+        format_version: Version1
+        name: Name
+        n_steps: Annotated[int, Field(ge=1, le=4000)] = 10
+
+    walk = parse(Walk, read_text(path, "walk"), f"walk {path}")
+
+`Walk(...)` checks its arguments too and raises `SettingsError`; `parse` raises `FileFormatError`. An `AfterValidator`
+raises ValueError whose text says what is expected: ``ValueError("a prime number")``; `__post_init__` raises
+`SettingsError` with a whole sentence. Refused: a truth value or text for a number, 1.0 for a whole number, NaN,
+infinities, unknown keys; in JSON also repeated keys, deep nesting and numbers of many digits. Accepted beyond the
+strict mode of pydantic: a list for a tuple, an object for a record, a NumPy scalar for a number.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+import json
+import math
+import os
+import re
+import types
+import typing
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, dataclass_transform, overload
+
+import numpy as np
+import pydantic.dataclasses
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, FailFast, Field, TypeAdapter, ValidationError
+from pydantic_core import ArgsKwargs
+
+from creative_nao.atomic import write_text
+from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError, nearest_name, shown
+from creative_nao.untrusted import MAX_DEPTH, MAX_DIGITS, MAX_TEXT_BYTES, as_json, as_text, read_bytes
+
+__all__ = [
+    "AfterValidator", "Count", "Field", "Index", "JsonObject", "LongText", "Name", "Names", "NonNegative", "PlainName",
+    "Positive", "Seed", "Sha256", "Text", "UnitInterval", "Version1", "Versions", "checked", "dump", "is_plain_name",
+    "is_writable", "load_json", "only_arrays", "parse", "record", "save_json",
+]  # fmt: skip
+
+T = TypeVar("T")
+MAX_KEYS = 10_000
+"""Of an object in a file."""
+LONGEST_NAME = 200
+"""Characters of a name: of a joint, an action, an agent."""
+LONGEST_TEXT = 20_000
+"""Characters of a `LongText`: a command line, a note of several sentences."""
+
+
+def _must(holds: Callable[[Any], object], expected: str) -> AfterValidator:
+    def validate(value: Any) -> Any:
+        if not holds(value):
+            raise ValueError(expected)
+        return value
+
+    return AfterValidator(validate)
+
+
+def is_plain_name(name: str) -> bool:
+    """Return whether a name may become a file's: nothing in it leads elsewhere, hides the file or cannot be seen."""
+    letters = _is_name(name) and not any(mark in name for mark in "/\\:")
+    return letters and not name.startswith(".") and name == name.strip()
+
+
+def is_writable(text: str) -> bool:
+    """Return whether text can be written as UTF-8: JSON may hold halves of characters."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _is_name(text: str) -> bool:
+    return 0 < len(text) <= LONGEST_NAME and text.isprintable()
+
+
+def _is_bounded(value: Any) -> bool:
+    """Return whether a value is JSON of at most `MAX_DEPTH` levels with finite numbers of at most `MAX_DIGITS`."""
+    level = [value]
+    for _ in range(MAX_DEPTH):
+        outer, level = level, []
+        for one in outer:
+            if isinstance(one, dict):
+                if not all(isinstance(key, str) for key in one):
+                    return False
+                level += one.values()
+            elif isinstance(one, list | tuple):
+                level += one
+            elif isinstance(one, float):
+                if not math.isfinite(one):
+                    return False
+            elif not (one is None or isinstance(one, str | bool) or (type(one) is int and abs(one) < 10**MAX_DIGITS)):
+                return False
+        if not level:
+            return True
+    return False
+
+
+Count = Annotated[int, Field(ge=1)]
+"""A whole number of at least 1."""
+Index = Annotated[int, Field(ge=0)]
+"""A whole number of at least 0."""
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+UnitInterval = Annotated[float, Field(ge=0, le=1)]
+Text = Annotated[str, Field(max_length=LONGEST_NAME), _must(is_writable, "text that can be written as UTF-8")]
+LongText = Annotated[str, Field(max_length=LONGEST_TEXT), _must(is_writable, "text that can be written as UTF-8")]
+Name = Annotated[str, _must(_is_name, f"a name of 1 to {LONGEST_NAME} printable characters")]
+"""Of a joint, an action, an agent."""
+Names = Annotated[
+    tuple[Name, ...],
+    Field(min_length=1, max_length=1_000),
+    _must(lambda names: len(set(names)) == len(names), "a list of different names"),
+]
+PlainName = Annotated[str, _must(is_plain_name, "a plain name, as of a file")]
+"""One that may become a file's."""
+Sha256 = Annotated[str, _must(re.compile("[0-9a-f]{64}").fullmatch, "a SHA-256 of 64 hexadecimal digits")]
+Versions = Annotated[dict[Text, Text], Field(max_length=1_000)]
+"""Versions of packages by name."""
+JsonObject = Annotated[dict[str, Any], _must(_is_bounded, f"a JSON object of at most {MAX_DEPTH} levels")]
+"""Free JSON, such as a record of provenance."""
+Version1 = Annotated[int, _must(lambda version: version == 1, "1, the version that this release reads")]
+"""Type of a field `format_version`; a file of another version is refused before its other fields are looked at."""
+
+
+@overload
+def record(cls: type[T], /) -> type[T]: ...
+@overload
+def record(*, closed: bool = True, **options: Any) -> Callable[[type[T]], type[T]]: ...
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Field))
+def record(cls: type[T] | None = None, /, *, closed: bool = True, **options: Any) -> Any:
+    """Turn a class with annotated fields into a strict, frozen pydantic dataclass.
+
+    Args:
+        cls: The class; its annotations must be known when it is made.
+        closed: Whether keys that are no fields are refused, else ignored.
+        options: More for `dataclasses.dataclass`, such as `kw_only` or `eq`.
+    """
+    if cls is None:
+        return functools.partial(record, closed=closed, **options)
+    told = inspect.get_annotations(cls)
+    resolved = inspect.get_annotations(cls, eval_str=True)
+    cls.__annotations__ = {name: _accepting(annotation) for name, annotation in resolved.items()}
+    config = ConfigDict(strict=True, extra="forbid" if closed else "ignore", allow_inf_nan=False)
+    made = pydantic.dataclasses.dataclass(cls, config=config, **{"frozen": True, **options})  # pyright: ignore
+    made.__annotations__ = told
+    fields = [field.name for field in dataclasses.fields(made) if field.init]
+
+    @functools.wraps(made.__init__)
+    def construct(self: Any, /, *args: Any, **kwargs: Any) -> None:
+        try:
+            made.__pydantic_validator__.validate_python(ArgsKwargs(args, kwargs), self_instance=self)
+        except ValidationError as error:
+            values = {**dict(zip(fields, args, strict=False)), **kwargs}
+            raise SettingsError(_message(error, values, "", fields)) from None
+
+    made.__init__ = construct  # pyright: ignore[reportAttributeAccessIssue]
+    return made
+
+
+def parse(
+    kind: type[T], values: Any, where: str, *, error: type[CreativeNaoError] = FileFormatError, what: str = "text"
+) -> T:
+    """Return the record that a file or a header holds.
+
+    Args:
+        kind: Class made by `record`.
+        values: JSON as bytes or text; or plain values, as TOML, YAML or a header of arrays gave them.
+        where: Beginning of the message; names the file.
+        error: What is raised: `FileFormatError`, or `SettingsError` for what a user wrote by hand.
+        what: What the bytes are, for messages.
+
+    Raises:
+        FileFormatError: Or `error`; the message names the field, what was expected and what came.
+    """
+    if isinstance(values, bytes):
+        values = as_text(values, where, what)
+    if isinstance(values, str):
+        values = as_json(values, where)
+    try:
+        return _record_from(kind, values)
+    except ValueError as fault:
+        raise error(f"{where}{' ' if str(fault).startswith('should be') else ': '}{fault}") from None
+
+
+def checked(kind: Any, value: Any, name: str) -> Any:
+    """Return an argument of a function after checking it against a type: ``checked(Count, n_steps, "n_steps")``.
+
+    Raises:
+        SettingsError: Naming the argument.
+    """
+    try:
+        return _adapter(kind).validate_python(value)
+    except ValidationError as error:
+        raise SettingsError(_message(error, value, f"`{name}`")) from None
+    except RecursionError:
+        raise SettingsError(f"`{name}` is nested too deeply") from None
+
+
+def dump(instance: Any) -> dict[str, Any]:
+    """Return a record as plain values that JSON, TOML and YAML can hold; tuples become lists."""
+    return type(instance).__pydantic_serializer__.to_python(instance, mode="json")
+
+
+def load_json(kind: type[T], path: str | os.PathLike[str], what: str, largest: int = MAX_TEXT_BYTES) -> T:
+    """Return the record in a JSON file.
+
+    Args:
+        kind: Class made by `record`.
+        path: The file.
+        what: What it should be, for messages: ``session``.
+        largest: A file of more bytes is refused before it is read.
+
+    Raises:
+        NotFoundError: If there is no such file.
+        FileFormatError: If it is too large, torn, or a field is wrong.
+    """
+    return parse(kind, read_bytes(Path(path), what, largest), f"{what} {path}", what=what)
+
+
+def save_json(path: str | os.PathLike[str], instance: Any, indent: int | None = 2) -> Path:
+    """Write a record as JSON, in one step, and return the path."""
+    return write_text(path, json.dumps(dump(instance), indent=indent, allow_nan=False) + "\n")
+
+
+def only_arrays(where: object, arrays: Iterable[str], names: Collection[str]) -> None:
+    """Refuse a file whose arrays have other names than these.
+
+    Raises:
+        FileFormatError: Naming the first of them.
+    """
+    if surplus := sorted(set(arrays) - set(names)):
+        raise FileFormatError(f"{where}: the array `{surplus[0][:60]}` belongs to no part of it")
+
+
+def _accepting(annotation: Any) -> Any:
+    """Return an annotation that also takes a list for a tuple, an object for a record and NumPy's scalars."""
+    origin, args = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Annotated:
+        inner = _accepting(args[0])
+        if typing.get_origin(inner) is not Annotated:
+            return Annotated[inner, *args[1:]]
+        *kept, conversion = inner.__metadata__  # which is applied before the bounds when it stands last
+        return Annotated[inner.__origin__, *kept, *args[1:], conversion]
+    if annotation in (int, float):
+        return Annotated[annotation, BeforeValidator(_plain_number)]
+    if _is_record(annotation):
+        return Annotated[annotation, BeforeValidator(functools.partial(_record_from, annotation))]
+    if origin in (types.UnionType, typing.Union):
+        return typing.Union[tuple(map(_accepting, args))]  # noqa: UP007 - made of what is there
+    if origin is tuple:
+        inner = tuple(one if one is ... else _accepting(one) for one in args)
+        return Annotated[tuple[inner], *([FailFast()] if ... in args else []), BeforeValidator(_as_tuple)]
+    if origin is list:
+        return Annotated[list[_accepting(args[0])], FailFast(), BeforeValidator(_as_list)]
+    if origin is dict:
+        return Annotated[dict[_accepting(args[0]), _accepting(args[1])], BeforeValidator(_bounded_keys)]
+    return annotation
+
+
+def _plain_number(value: Any) -> Any:
+    if isinstance(value, int) and abs(value) >= 10**MAX_DIGITS:
+        raise ValueError(f"a number of at most {MAX_DIGITS} digits")
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _as_list(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _bounded_keys(value: Any) -> Any:
+    if isinstance(value, dict) and len(value) > MAX_KEYS:
+        raise ValueError(f"an object of at most {MAX_KEYS} fields")
+    return value
+
+
+def _is_record(kind: Any) -> bool:
+    return isinstance(kind, type) and "__pydantic_validator__" in vars(kind)
+
+
+def _record_from(kind: type[T], values: Any) -> T:
+    if isinstance(values, kind):
+        return values
+    if not isinstance(values, dict):
+        raise ValueError(f"should be a JSON object, but is {shown(values)}")
+    if len(values) > MAX_KEYS or not all(isinstance(key, str) and is_writable(key) for key in values):
+        raise ValueError(f"should be an object of at most {MAX_KEYS} fields named by text, but is {shown(values)}")
+    return kind(**values)
+
+
+@functools.lru_cache(maxsize=256)
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    config = None if _is_record(kind) else ConfigDict(strict=True, allow_inf_nan=False)
+    return TypeAdapter(_accepting(kind), config=config)
+
+
+def _message(error: ValidationError, values: Any, where: str, fields: Sequence[str] = ()) -> str:
+    """Return the one line that tells the first fault: a wrong version, else an unknown key, else what comes first."""
+    faults = error.errors(include_url=False)
+    fault = min(faults, key=lambda one: (one["loc"][-1:] != ("format_version",), one["type"] != _UNKNOWN))
+    loc, came = fault["loc"], shown(fault["input"])
+    path = _path(loc, values, fields)
+    if fault["type"] == _UNKNOWN:
+        name = str(loc[-1])
+        return f"no key `{name[:60]}`{nearest_name(name, fields)}; there are: {', '.join(fields)}"
+    if fault["type"].startswith("missing"):
+        return f"{_joined(where, [*path, loc[-1]])} is missing"
+    if fault["type"] == "unexpected_positional_argument":
+        return f"at most {len(fields)} values are taken: {', '.join(fields)}"
+    outer = _joined(where, path)
+    told = fault.get("ctx", {}).get("error")
+    if isinstance(told, CreativeNaoError):  # from a record within, or a `__post_init__`
+        return f"{outer}: {told}" if outer else str(told)
+    if str(told).startswith("should be"):
+        return f"{outer} {told}"
+    alternatives = dict.fromkeys(_expected(one) for one in faults if _path(one["loc"], values, fields) == path)
+    verbs = ("have keys that are", "has") if loc[-1:] == ("[key]",) else ("be", "is")
+    return f"{outer or 'it'} should {verbs[0]} {' or '.join(alternatives)}, but {verbs[1]} {came}"
+
+
+_UNKNOWN = "unexpected_keyword_argument"
+_EXPECTED: dict[str, Callable[[dict[str, Any]], str]] = {
+    "int_type": lambda _: "a whole number",
+    "int_from_float": lambda _: "a whole number",
+    "int_parsing": lambda _: "a whole number",
+    "float_type": lambda _: "a number",
+    "finite_number": lambda _: "a finite number",
+    "bool_type": lambda _: "true or false",
+    "string_type": lambda _: "text",
+    "string_unicode": lambda _: "text that can be written as UTF-8",
+    "string_too_long": lambda told: f"text of at most {told['max_length']} characters",
+    "string_too_short": lambda told: f"text of at least {told['min_length']} characters",
+    "tuple_type": lambda _: "a list",
+    "list_type": lambda _: "a list",
+    "dict_type": lambda _: "a JSON object",
+    "dataclass_type": lambda _: "a JSON object",
+    "dataclass_exact_type": lambda _: "a JSON object",
+    "none_required": lambda _: "null",
+    "too_long": lambda told: f"{_collection(told)} of at most {told['max_length']} entries",
+    "too_short": lambda told: f"{_collection(told)} of at least {told['min_length']} entries",
+    "greater_than_equal": lambda told: f"at least {told['ge']}",
+    "greater_than": lambda told: f"above {told['gt']}",
+    "less_than_equal": lambda told: f"at most {told['le']}",
+    "less_than": lambda told: f"below {told['lt']}",
+    "literal_error": lambda told: told["expected"].replace("'", "`"),
+    "value_error": lambda told: str(told["error"]),
+}
+
+
+def _collection(told: Mapping[str, Any]) -> str:
+    return "an object" if told.get("field_type") == "Dictionary" else "a list"
+
+
+def _expected(fault: Any) -> str:
+    """Return in plain words what pydantic expected."""
+    told = _EXPECTED.get(fault["type"])
+    return str(fault["msg"]).removeprefix("Input should be ") if told is None else told(fault.get("ctx", {}))
+
+
+def _path(loc: Sequence[str | int], values: Any, fields: Sequence[str]) -> list[str | int]:
+    """Return where a fault is, without the names of the members of a union that pydantic puts between."""
+    found: list[str | int] = []
+    for place, part in enumerate(loc):
+        if place == 0 and fields and isinstance(part, int):  # an argument given by its place
+            part = fields[part] if part < len(fields) else str(part)
+        listed = isinstance(values, list | tuple) and isinstance(part, int) and part < len(values)
+        if listed or (isinstance(values, dict) and isinstance(part, str) and part in values):
+            values = values[part]  # pyright: ignore[reportCallIssue, reportArgumentType]
+            found.append(part)
+    return found
+
+
+def _joined(where: str, path: Iterable[str | int]) -> str:
+    """Return the beginning of a message: walk.json: ``rows``, entry 3: ``reward``."""
+    text = where
+    for part in path:
+        if isinstance(part, int):
+            text += f"{', ' if text else ''}entry {part + 1}"
+        else:
+            text += f"{': ' if text else ''}`{part[:60]}`"
+    return text
