@@ -17,10 +17,10 @@ import numpy as np
 import torch
 
 from creative_nao import load_memory
-from creative_nao.cores import usable_cores
+from creative_nao.maps import pb_grid
+from creative_nao.model.config import layer_time_constants, neighbour_mask
 from creative_nao.model.memory import Memory
-from creative_nao.model.parameters import layer_time_constants, neighbour_mask
-from creative_nao.pb_space import pb_grid
+from creative_nao.runtime import usable_cores
 
 BATCH_SIZES = (250, 500, 1000, 4000)
 

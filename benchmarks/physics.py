@@ -21,8 +21,8 @@ import mujoco.rollout
 import numpy as np
 
 from creative_nao import load_demonstrations
+from creative_nao.envs.boxing_envs import VariationRanges
 from creative_nao.envs.physical_map import Crowd
-from creative_nao.envs.randomisation import VariationRanges
 from creative_nao.joints import JOINTS
 from creative_nao.robot import (
     Performance,

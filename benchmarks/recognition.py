@@ -18,9 +18,9 @@ import numpy as np
 
 from creative_nao import load_memory
 from creative_nao.demonstrations import Variation, keyframes, vary
+from creative_nao.maps import pb_grid
 from creative_nao.measures import dtw, dtw_matrix, score
 from creative_nao.model import Memory, recognition
-from creative_nao.pb_space import pb_grid
 
 CELL = 2 / 199
 SAME_MOVEMENT = 0.05

@@ -19,7 +19,7 @@ import gymnasium as gym
 import numpy as np
 
 import creative_nao  # noqa: F401 - registers the environments
-from creative_nao.agents import UNTRAINED, bayesian, cma_es, cma_me, map_elites, novelty_search
+from creative_nao.agents import UNTRAINED, black_box, quality_diversity
 from creative_nao.evaluation.protocol import play
 from creative_nao.model import split_memories
 
@@ -27,26 +27,26 @@ ENV = "CreativeNao/BoxingMental-v0"
 
 TRIED = {
     "cma_es": (
-        cma_es.CmaEsAgent,
-        cma_es.CmaEsSettings,
+        black_box.CmaEsAgent,
+        black_box.CmaEsSettings,
         {"population_size": (4, 5, 6, 10), "sigma": (0.3, 0.5, 0.8, 1.2)},
     ),
     "cma_me": (
-        cma_me.CmaMeAgent,
-        cma_me.CmaMeSettings,
+        quality_diversity.CmaMeAgent,
+        quality_diversity.CmaMeSettings,
         {"batch_size": (3, 5, 6, 10), "sigma": (0.3, 0.5, 0.8, 1.2), "n_cells": (6, 12)},
     ),
     "map_elites": (
-        map_elites.MapElitesAgent,
-        map_elites.MapElitesSettings,
+        quality_diversity.MapElitesAgent,
+        quality_diversity.MapElitesSettings,
         {"n_initial": (5, 10, 15), "batch_size": (1, 5), "sigma": (0.15, 0.3, 0.5, 0.8), "n_cells": (6, 12)},
     ),
     "novelty_search": (
-        novelty_search.NoveltySearchAgent,
-        novelty_search.NoveltySearchSettings,
+        quality_diversity.NoveltySearchAgent,
+        quality_diversity.NoveltySearchSettings,
         {"n_initial": (5, 10), "batch_size": (3, 5), "sigma": (0.3, 0.5, 0.8, 1.2), "n_neighbours": (1, 3)},
     ),
-    "bayesian": (bayesian.BayesianAgent, bayesian.BayesianSettings, {"n_startup": (5, 10, 15)}),
+    "bayesian": (black_box.BayesianAgent, black_box.BayesianSettings, {"n_startup": (5, 10, 15)}),
 }
 """Agent, settings and the values tried of each setting."""
 

@@ -22,11 +22,9 @@ import torch
 
 from creative_nao import load_demonstrations
 from creative_nao.model.config import NetworkSettings, TrainingSettings
-from creative_nao.model.engine import TrainingState, make_engine
-from creative_nao.model.loss import kl_divergence
 from creative_nao.model.memory import encoding_of
-from creative_nao.model.mtrnn import PBMTRNN
-from creative_nao.model.targets import target_codes
+from creative_nao.model.network import PBMTRNN, kl_divergence
+from creative_nao.model.training import TrainingState, make_engine, target_codes
 
 NETWORK = NetworkSettings()
 N_EPOCHS = 100_000  # of one network, as in the paper

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from creative_nao import measures
     from creative_nao.agents import load_agent
     from creative_nao.demonstrations import Demonstrations, load_demonstrations
+    from creative_nao.maps import PBMap, pb_map
     from creative_nao.model import Memory, load_memory, train
-    from creative_nao.pb_space import PBMap, pb_map
 
 __version__ = "0.1.0"
 
@@ -63,8 +63,8 @@ _HOMES = {
     "train": "model",
     "load_memory": "model",
     "Memory": "model",
-    "pb_map": "pb_space",
-    "PBMap": "pb_space",
+    "pb_map": "maps",
+    "PBMap": "maps",
     "load_agent": "agents",
 }
 

@@ -39,9 +39,8 @@ import pydantic.dataclasses
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, FailFast, Field, TypeAdapter, ValidationError
 from pydantic_core import ArgsKwargs
 
-from creative_nao.atomic import write_text
 from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError, nearest_name, shown
-from creative_nao.untrusted import MAX_DEPTH, MAX_DIGITS, MAX_TEXT_BYTES, as_json, as_text, read_bytes
+from creative_nao.storage import MAX_DEPTH, MAX_DIGITS, MAX_TEXT_BYTES, as_json, as_text, read_bytes, write_text
 
 __all__ = [
     "AfterValidator", "Count", "Field", "Index", "JsonObject", "LongText", "Name", "Names", "NonNegative", "PlainName",

@@ -14,7 +14,7 @@ import matplotlib as mpl
 import numpy as np
 
 from creative_nao.agents import load_agent, make_agent, shipped_agents
-from creative_nao.agents.judging import Score, play_episodes
+from creative_nao.agents.evaluate_policy import Score, play_episodes
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt

@@ -12,7 +12,7 @@ PACKAGES = (
     "creative_nao.demonstrations",
     "creative_nao.model",
     "creative_nao.measures",
-    "creative_nao.pb_space",
+    "creative_nao.maps",
     "creative_nao.envs",
     "creative_nao.testing",
     "creative_nao.agents",

@@ -10,7 +10,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from creative_nao import atomic
+from creative_nao import storage
 
 DOCS = Path(__file__).parent
 PAGE, RECORD = DOCS / "reliability.md", DOCS / "faults.json"
@@ -51,4 +51,4 @@ def with_table(page: str, record: dict[str, Any]) -> str:
 
 if __name__ == "__main__":
     text = with_table(PAGE.read_text(encoding="utf-8"), json.loads(RECORD.read_text(encoding="utf-8")))
-    atomic.write_text(PAGE, text)
+    storage.write_text(PAGE, text)

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from creative_nao import load_demonstrations, load_memory, pb_map
-from creative_nao.envs.physical_chart import PhysicalMap
-from creative_nao.evaluation.drawing import save_small
+from creative_nao.envs.physical_map import PhysicalMap
+from creative_nao.evaluation.plots import save_small
 from creative_nao.robot import Performer, PlaybackSettings, film_strip, pictures, write_gif
 
 DOCS = Path(__file__).parent

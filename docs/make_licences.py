@@ -15,7 +15,7 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from creative_nao import atomic
+from creative_nao import storage
 
 PAGE = Path(__file__).parent / "licences.md"
 PROJECT = tomllib.loads((PAGE.parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -143,9 +143,9 @@ def main() -> None:
     parser.add_argument("--sbom", type=Path, help="write a CycloneDX bill of materials here instead")
     target = parser.parse_args().sbom
     if target is None:
-        atomic.write_text(PAGE, page())
+        storage.write_text(PAGE, page())
     else:
-        atomic.write_text(target, json.dumps(bill(), indent=2) + "\n")
+        storage.write_text(target, json.dumps(bill(), indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -5,9 +5,9 @@ import stat
 import numpy as np
 import pytest
 
-from creative_nao.atomic import replacing, write_text
+from creative_nao.arrays import load_tensors, save_tensors, take
 from creative_nao.errors import FileFormatError, NotFoundError
-from creative_nao.tensorfile import load_tensors, save_tensors, take
+from creative_nao.storage import replacing, write_text
 
 
 def test_a_file_is_replaced_in_one_step(tmp_path):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "creative_nao"
-BASE = {"joints", "errors", "atomic", "provenance", "fields", "cores", "npz", "tensorfile", "untrusted", "schema"}
+BASE = {"joints", "errors", "storage", "runtime", "fields", "schema", "arrays"}
 ORDER = [
     "cli",
     "explorer",
@@ -14,7 +14,7 @@ ORDER = [
     "agents",
     "testing",
     "envs",
-    "pb_space",
+    "maps",
     "model",
     "exchange",
     "demonstrations",

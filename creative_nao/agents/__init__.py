@@ -12,21 +12,19 @@ PPO: `PPOSettings`, `train_ppo`; training of PPO, SAC, TD3, RecurrentPPO, TQC an
 
 from creative_nao.agents.adapters import AgentPolicy, FunctionAgent, Policy, PolicyAgent, as_agent
 from creative_nao.agents.base import Agent, AgentOrderError, Context
-from creative_nao.agents.bayesian import BayesianAgent
-from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, load_bundle, save_bundle
-from creative_nao.agents.cma_es import CmaEsAgent
-from creative_nao.agents.cma_me import CmaMeAgent
-from creative_nao.agents.entry_point import load_entry_point
-from creative_nao.agents.learned_replay import ReplayAgent
-from creative_nao.agents.map_elites import MapElitesAgent
-from creative_nao.agents.novelty_search import NoveltySearchAgent
-from creative_nao.agents.oracle import OracleAgent
+from creative_nao.agents.black_box import (
+    BayesianAgent,
+    CmaEsAgent,
+    OracleAgent,
+    RandomAgent,
+    ReplayAgent,
+    SobolAgent,
+    SupervisedAgent,
+)
+from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, load_bundle, save_bundle, shipped_agents
 from creative_nao.agents.ppo import PPOSettings, TrainingCurve, train_ppo
-from creative_nao.agents.random_search import RandomAgent
-from creative_nao.agents.registry import NAMES, TRAINED, UNTRAINED, make_agent
-from creative_nao.agents.shipped import shipped_agents
-from creative_nao.agents.sobol import SobolAgent
-from creative_nao.agents.supervised import SupervisedAgent
+from creative_nao.agents.quality_diversity import CmaMeAgent, MapElitesAgent, NoveltySearchAgent
+from creative_nao.agents.registry import NAMES, TRAINED, UNTRAINED, load_entry_point, make_agent
 
 load_agent = load_bundle
 

@@ -9,9 +9,9 @@ from typing import Any
 
 from creative_nao.errors import MissingDependencyError, NotFoundError, nearest_name
 
-CELL_POLICY = "creative_nao.agents.cell_policy.CellPolicy"
+CELL_POLICY = "creative_nao.agents.cells.CellPolicy"
 """PPO's policy over the cells of the PB space; a dotted path, as RL Zoo reads it."""
-CELL_SAC_POLICY = "creative_nao.agents.cell_sac.CellSACPolicy"
+CELL_SAC_POLICY = "creative_nao.agents.cells.CellSACPolicy"
 """The same for SAC."""
 
 

@@ -2,19 +2,27 @@
 
 The budget is counted in generated actions: one `ask` is one. The base class keeps the order and the budget, so that
 every agent is judged at the same number of generated actions and a caller's slip is an error instead of a wrong figure.
+
+Also here:
+- Agents that think in whole movements: one PB vector each, judged when the movement is scored.
+- Searches that propose a batch of PB vectors and want all its results together.
+- What the settings of several agents have in common: ranges, and packages that may be missing.
 """
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from gymnasium.spaces import Box
 
-from creative_nao.errors import CreativeNaoError, ShapeError
+from creative_nao.errors import CreativeNaoError, MissingDependencyError, SettingsError, ShapeError
 
 
 class AgentOrderError(CreativeNaoError, RuntimeError):
@@ -142,3 +150,143 @@ class Agent(ABC):
         self, pb: np.ndarray, observation: np.ndarray, reward: float, info: Mapping[str, Any]
     ) -> None:
         """Take in what a PB vector earned; ignored unless a subclass says otherwise."""
+
+
+class MovementAgent(Agent):
+    """Chooses one PB vector for each movement. A subclass defines `next_pb`, and `judge` where it learns.
+
+    Where a movement takes several decisions (`CreativeNao/BoxingModulation-v0`), the PB vector is held until the
+    movement is scored, so that every reward belongs to one point of the PB space.
+    """
+
+    def start(self, context: Context) -> None:
+        """Forget the PB vector held; a subclass calls this before it prepares anything else."""
+        self._held: np.ndarray | None = None
+
+    def choose(self, observation: np.ndarray) -> np.ndarray:
+        """Return the PB vector of the movement, shape (n_pb,)."""
+        if self._held is None:
+            self._held = self.next_pb()
+        return self._held
+
+    def learn(self, pb: np.ndarray, observation: np.ndarray, reward: float, info: Mapping[str, Any]) -> None:
+        """Judge the movement if it has ended: while it unfolds, `info` tells its tick and no outcome yet."""
+        if "tick" in info and "outcome" not in info:
+            return
+        self._held = None
+        self.judge(reward, info)
+
+    @abstractmethod
+    def next_pb(self) -> np.ndarray:
+        """Return the PB vector of the next movement, shape (n_pb,)."""
+
+    def judge(self, reward: float, info: Mapping[str, Any]) -> None:
+        """Take in what the last movement earned; ignored unless a subclass says otherwise."""
+
+
+class BatchSearch(MovementAgent):
+    """Asks its search for a batch, hands it out one by one and gives the rewards back when all are known.
+
+    A subclass defines `prepare`, `propose` and `receive`, and `describe` where its search reads more than rewards.
+    """
+
+    learns_within_episode: ClassVar[bool] = True
+
+    def start(self, context: Context) -> None:
+        """Begin with an empty search."""
+        super().start(context)
+        self._batch: np.ndarray = np.empty((0, 0))
+        self._rewards: list[float] = []
+        self._descriptors: list[np.ndarray] = []
+        # The packages behind take whole numbers as seeds; the episode's generator decides them.
+        self.prepare(context, int(context.rng.integers(2**31)))
+
+    def next_pb(self) -> np.ndarray:
+        """Return the next PB vector of the batch, shape (n_pb,)."""
+        if len(self._rewards) == len(self._batch):
+            self._batch, self._rewards, self._descriptors = np.asarray(self.propose(), np.float64), [], []
+        return self._batch[len(self._rewards)]
+
+    def judge(self, reward: float, info: Mapping[str, Any]) -> None:
+        """Keep a result; hand the batch back when it is complete."""
+        self._rewards.append(reward)
+        self._descriptors.append(self.describe(info))
+        if len(self._rewards) == len(self._batch):
+            self.receive(self._batch, np.array(self._rewards), np.array(self._descriptors))
+
+    @abstractmethod
+    def prepare(self, context: Context, seed: int) -> None:
+        """Set the search up for an episode; `seed` is its only source of randomness beside `context.rng`."""
+
+    @abstractmethod
+    def propose(self) -> np.ndarray:
+        """Return a batch of PB vectors, shape (n, n_pb)."""
+
+    @abstractmethod
+    def receive(self, pb: np.ndarray, rewards: np.ndarray, descriptors: np.ndarray) -> None:
+        """Take in the batch (n, n_pb), what it earned (n,) and how it behaved (n, n_descriptor)."""
+
+    def describe(self, info: Mapping[str, Any]) -> np.ndarray:
+        """Return the descriptor of a movement; empty unless a subclass has one."""
+        return np.empty(0)
+
+
+def at_least(settings: Any, least: int, *names: str) -> None:
+    """Refuse fields of a settings dataclass below `least`.
+
+    Raises:
+        SettingsError: Naming the field.
+    """
+    for name in names:
+        if getattr(settings, name) < least:
+            raise SettingsError(f"`{name}` should be at least {least}, but is {getattr(settings, name)}")
+
+
+def positive(settings: Any, *names: str) -> None:
+    """Refuse fields of a settings dataclass that are not above 0.
+
+    Raises:
+        SettingsError: Naming the field.
+    """
+    for name in names:
+        if not getattr(settings, name) > 0:
+            raise SettingsError(f"`{name}` should be above 0, but is {getattr(settings, name)}")
+
+
+def require_extra(*, package: str, extra: str, agent: str) -> None:
+    """Refuse an agent whose optional package is not installed, without importing it.
+
+    Args:
+        package: What to look for, by the name under which it is imported.
+        extra: The extra of creative-nao that brings it.
+        agent: Which agent needs it.
+
+    Raises:
+        MissingDependencyError: Naming package and extra.
+    """
+    if importlib.util.find_spec(package) is None:
+        raise _missing(package, extra, agent, "it is not installed")
+
+
+def load_extra(module: str, *, package: str, extra: str, agent: str) -> ModuleType:
+    """Import a module of an optional package.
+
+    Args:
+        module: What to import.
+        package: The package that holds it.
+        extra: The extra of creative-nao that brings it.
+        agent: Which agent needs it.
+
+    Raises:
+        MissingDependencyError: Naming package and extra.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise _missing(package, extra, agent, error) from error
+
+
+def _missing(package: str, extra: str, agent: str, why: object) -> MissingDependencyError:
+    return MissingDependencyError(
+        f'agent `{agent}` needs the package `{package}`: pip install "creative-nao[{extra}]" ({why})'
+    )

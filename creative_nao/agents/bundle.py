@@ -1,13 +1,16 @@
-"""Agent bundles: a trained policy in one file, safetensors weights with a JSON header. Nothing is unpickled.
+"""The trained agents that come with the package, and finding a bundle by name or path.
 
-The header says what made the policy: agent, settings, environment, memory, seed, spaces and versions, and where one was
-played, its score with every episode. A bundle loaded again predicts the same bits. No statistics of observations are
-kept beside the weights: observations already lie in [-1, 1].
+Also here:
+- Agent bundles: a trained policy in one file, safetensors weights with a JSON header. Nothing is unpickled.
+- Play the recorded score of a bundle again.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import os
+import platform
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,19 +18,48 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from gymnasium.spaces import Box
 
+from creative_nao.agents.adapters import PolicyAgent
 from creative_nao.agents.algorithms import find_algorithm
-from creative_nao.agents.hyperparameters import Hyperparameters, check_entry, resolve_policy_kwargs
-from creative_nao.agents.judging import Score
-from creative_nao.agents.policy_settings import nets_of
+from creative_nao.agents.evaluate_policy import Score, play_episodes
 from creative_nao.agents.ppo import PPOSettings, build_policy, settings_from
-from creative_nao.agents.shipped import find_bundle
-from creative_nao.errors import CreativeNaoError, FileFormatError
+from creative_nao.agents.settings import Hyperparameters, check_entry, nets_of, resolve_policy_kwargs
+from creative_nao.arrays import load_tensors, save_tensors
+from creative_nao.errors import CreativeNaoError, FileFormatError, NotFoundError, SettingsError, nearest_name
 from creative_nao.fields import Fields, shown
-from creative_nao.provenance import versions
-from creative_nao.tensorfile import load_tensors, save_tensors
+from creative_nao.runtime import versions
 
 if TYPE_CHECKING:
     from stable_baselines3.common.policies import BasePolicy
+
+
+PRETRAINED = Path(__file__).parent / "pretrained"
+
+
+def shipped_agents() -> tuple[str, ...]:
+    """Return the names of the shipped agents, algorithm and environment: ``ppo/BoxingMental-v0``, ..."""
+    return tuple(sorted(path.stem.replace("-", "/", 1) for path in PRETRAINED.glob("*-*.safetensors")))
+
+
+def find_bundle(name: str | os.PathLike[str]) -> Path:
+    """Return the path of a bundle.
+
+    Args:
+        name: A shipped name such as ``ppo/BoxingMental-v0``, or the path of a file.
+
+    Raises:
+        NotFoundError: If there is neither; the message offers the nearest name.
+    """
+    text = os.fspath(name)
+    names = shipped_agents()
+    if text in names:
+        return PRETRAINED / f"{text.replace('/', '-', 1)}.safetensors"
+    if os.path.isfile(text):
+        return Path(text)
+    raise NotFoundError(
+        f"no agent bundle file at {text}{nearest_name(text, names)}: neither a file nor a shipped name; "
+        f"shipped are {', '.join(names) or 'none'}"
+    )
+
 
 KIND = "agent bundle"
 FORMAT_VERSION = 1
@@ -268,3 +300,40 @@ def _read_box(described: Any) -> Box:
     if not (sides[0] < sides[1]).all():
         raise ValueError("`low` should be below `high`, but is not")
     return Box(*sides, dtype=np.float32)
+
+
+def replay(trained: TrainedPolicy, progress: Callable[[int], None] | None = None) -> Score:
+    """Return the score that the bundle reaches now; it equals `trained.header.score` on the machine that recorded it.
+
+    Raises:
+        SettingsError: If the bundle records no score.
+    """
+    recorded = trained.header.score
+    if recorded is None:
+        raise SettingsError("this bundle records no score to replay; agents trained with `creative-nao agent train` do")
+    return score_policy(
+        trained, recorded.env, recorded.memories, recorded.seeds, recorded.deterministic, progress=progress
+    )
+
+
+def score_policy(
+    policy: TrainedPolicy,
+    env_id: str,
+    memories: tuple[str, ...],
+    seeds: tuple[int, ...],
+    deterministic: bool,
+    progress: Callable[[int], None] | None = None,
+) -> Score:
+    """Return the score of a policy over memories and seeds; see `play_episodes`."""
+    import torch
+
+    torch.set_num_threads(1)  # so that sums are made in the same order everywhere
+    agent = PolicyAgent(policy, deterministic=deterministic)
+    return Score(env_id, deterministic, play_episodes(agent, env_id, memories, seeds, progress=progress))
+
+
+def machine() -> str:
+    """Return what decides how torch rounds: the kind of processor and the instructions that it uses."""
+    import torch
+
+    return f"{platform.machine()} {torch.backends.cpu.get_cpu_capability()}"

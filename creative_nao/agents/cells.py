@@ -4,6 +4,10 @@ The usual policy, a normal distribution around one point, cannot say "any cell t
 the two good ones". Here every cell of the coverage map gets a probability, by a small convolutional network that weighs
 each by its surroundings, and a point is drawn uniformly within the cell. What the network learns about a neighbourhood
 in one place it knows in every place, and on every memory.
+
+Also here:
+- PPO's policy and value over the cells of the PB space; see `cells`.
+- SAC's actor and critics over the cells of the PB space; see `cells`.
 """
 
 from __future__ import annotations
@@ -15,6 +19,8 @@ import numpy as np
 import torch
 from gymnasium.spaces import Box
 from stable_baselines3.common.distributions import Distribution
+from stable_baselines3.common.policies import ActorCriticPolicy, BaseModel, BasePolicy
+from stable_baselines3.sac.policies import SACPolicy
 from torch import nn
 from torch.distributions import Categorical
 
@@ -161,3 +167,189 @@ class CellWeights(nn.Module):
         for place, layer in enumerate(self.hidden):
             told = torch.relu(layer(told) + everywhere) if place == 0 else torch.relu(layer(told))
         return self.weigh(told).flatten(1)
+
+
+class CellNetwork(nn.Module):
+    """Weighs the cells, and reads the value of a situation from what is known of it as a whole.
+
+    Args:
+        features: Turns observations into maps.
+        width: Channels of a hidden layer.
+        n_layers: Hidden convolutions.
+    """
+
+    def __init__(self, features: CellFeatures, width: int, n_layers: int) -> None:
+        super().__init__()
+        self.features = features
+        self.weights = CellWeights(features, width, n_layers)
+        n_told, n_hidden = features.n_channels + features.n_others, 2 * width
+        self.value = nn.Sequential(nn.Linear(n_told, n_hidden), nn.Tanh(), nn.Linear(n_hidden, n_hidden), nn.Tanh())
+        self.latent_dim_pi, self.latent_dim_vf = N_CELLS**features.n_pb, n_hidden
+
+    def forward(self, observations: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return logits of the cells (n, N_CELLS ** n_pb) and what the value is read from (n, 2 * width)."""
+        told, others = self.features(observations)
+        return self.weights(told, others), self._valued(told, others)
+
+    def forward_actor(self, observations: torch.Tensor) -> torch.Tensor:
+        """Return logits of the cells, (n, N_CELLS ** n_pb)."""
+        return self.weights(*self.features(observations))
+
+    def forward_critic(self, observations: torch.Tensor) -> torch.Tensor:
+        """Return what the value is read from, (n, 2 * width)."""
+        return self._valued(*self.features(observations))
+
+    def _valued(self, told: torch.Tensor, others: torch.Tensor) -> torch.Tensor:
+        return self.value(torch.cat([told.flatten(2).mean(dim=2), others], dim=1))
+
+
+class CellPolicy(ActorCriticPolicy):
+    """Policy and value of PPO over the cells of the PB space; name it as `policy` in a file of hyperparameters.
+
+    Args:
+        observation_space: Space of this project's observations.
+        action_space: Box(-1, 1, (n_pb,)).
+        lr_schedule: Learning rate by what is left of the training.
+        width: Channels of a hidden layer.
+        n_layers: Hidden convolutions, each over a neighbourhood of three cells a side.
+        use_sde: Has to be False: cells are drawn, no noise is added.
+
+    Raises:
+        SettingsError: If the observations hold no cells of the PB space, or a setting is out of range.
+    """
+
+    def __init__(
+        self,
+        observation_space: Box,
+        action_space: Box,
+        lr_schedule: Any,
+        width: int = 16,
+        n_layers: int = 2,
+        use_sde: bool = False,
+    ) -> None:
+        refuse_sde(use_sde, "CellPolicy")
+        self.width, self.n_layers = width, n_layers
+        super().__init__(observation_space, action_space, lr_schedule, ortho_init=False)
+
+    def _build(self, lr_schedule: Any) -> None:
+        assert isinstance(self.action_space, Box)
+        n_pb = int(np.prod(self.action_space.shape))
+        assert isinstance(self.observation_space, Box)
+        network = CellNetwork(CellFeatures(self.observation_space, n_pb), self.width, self.n_layers)
+        self.mlp_extractor = network  # pyright: ignore[reportAttributeAccessIssue]
+        self.action_dist = CellDistribution(n_pb)
+        self.action_net = self.action_dist.proba_distribution_net()
+        self.value_net = nn.Linear(network.latent_dim_vf, 1)
+        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # pyright: ignore[reportCallIssue]
+
+    def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> Distribution:
+        return self.action_dist.proba_distribution(latent_pi)
+
+
+_CARRIED = "cell_probabilities"
+
+
+class CellActor(BasePolicy):
+    """Draws points of the PB space.
+
+    Args:
+        observation_space: Space of this project's observations.
+        action_space: Box(-1, 1, (n_pb,)).
+        width: Channels of a hidden layer.
+        n_layers: Hidden convolutions.
+    """
+
+    def __init__(self, observation_space: Box, action_space: Box, width: int, n_layers: int) -> None:
+        super().__init__(observation_space, action_space, squash_output=True)
+        n_pb = int(np.prod(action_space.shape))
+        self.features = CellFeatures(observation_space, n_pb)
+        self.weights = CellWeights(self.features, width, n_layers)
+        self.action_dist = CellDistribution(n_pb)
+
+    def forward(self, obs: torch.Tensor, deterministic: bool = False) -> torch.Tensor:
+        """Return points (n, n_pb) for observations (n, n_values)."""
+        logits = self.weights(*self.features(obs))
+        return self.action_dist.actions_from_params(logits, deterministic=deterministic)
+
+    def action_log_prob(self, obs: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return points (n, n_pb) that carry their distribution, and its expected log density (n,)."""
+        distribution = self.action_dist.proba_distribution(self.weights(*self.features(obs)))
+        actions = distribution.sample()
+        setattr(actions, _CARRIED, distribution.categorical.probs)
+        return actions, -distribution.entropy()
+
+    def _predict(self, observation: torch.Tensor, deterministic: bool = False) -> torch.Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return self(observation, deterministic)
+
+
+class CellCritic(BaseModel):
+    """Values every cell, with several networks.
+
+    Args:
+        observation_space: Space of this project's observations.
+        action_space: Box(-1, 1, (n_pb,)).
+        width: Channels of a hidden layer.
+        n_layers: Hidden convolutions.
+        n_critics: Networks.
+    """
+
+    def __init__(self, observation_space: Box, action_space: Box, width: int, n_layers: int, n_critics: int) -> None:
+        super().__init__(observation_space, action_space)
+        self.features = CellFeatures(observation_space, int(np.prod(action_space.shape)))
+        self.values = nn.ModuleList(CellWeights(self.features, width, n_layers) for _ in range(n_critics))
+
+    def forward(self, obs: torch.Tensor, actions: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """Return each network's values (n, 1): of the actions' cells, or of the distribution the actions carry."""
+        told = self.features(obs)
+        maps = [values(*told) for values in self.values]
+        probabilities = getattr(actions, _CARRIED, None)
+        if probabilities is not None:
+            return tuple((probabilities * one).sum(dim=1, keepdim=True) for one in maps)
+        cells = cells_at(actions)[:, None]
+        return tuple(one.gather(1, cells) for one in maps)
+
+
+class CellSACPolicy(SACPolicy):
+    """Actor and critics of SAC over the cells of the PB space; name it as `policy` in a file of hyperparameters.
+
+    Args:
+        observation_space: Space of this project's observations.
+        action_space: Box(-1, 1, (n_pb,)).
+        lr_schedule: Learning rate by what is left of the training.
+        width: Channels of a hidden layer.
+        n_layers: Hidden convolutions, each over a neighbourhood of three cells a side.
+        n_critics: Networks that value cells; the lowest counts.
+        use_sde: Has to be False: cells are drawn, no noise is added.
+
+    Raises:
+        SettingsError: If the observations hold no cells of the PB space, or a setting is out of range.
+    """
+
+    def __init__(
+        self,
+        observation_space: Box,
+        action_space: Box,
+        lr_schedule: Any,
+        width: int = 16,
+        n_layers: int = 2,
+        n_critics: int = 2,
+        use_sde: bool = False,
+    ) -> None:
+        refuse_sde(use_sde, "CellSACPolicy")
+        self.width, self.n_layers = width, n_layers
+        super().__init__(observation_space, action_space, lr_schedule, n_critics=n_critics)
+
+    def make_actor(self, features_extractor: Any = None) -> CellActor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Return an untrained actor."""
+        return CellActor(*self._spaces, self.width, self.n_layers).to(self.device)
+
+    def make_critic(self, features_extractor: Any = None) -> CellCritic:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Return untrained critics."""
+        n_critics = self.critic_kwargs["n_critics"]
+        return CellCritic(*self._spaces, self.width, self.n_layers, n_critics).to(self.device)
+
+    @property
+    def _spaces(self) -> tuple[Box, Box]:
+        assert isinstance(self.observation_space, Box)
+        assert isinstance(self.action_space, Box)
+        return self.observation_space, self.action_space

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 import numpy as np
 
-from creative_nao.agents.policy_settings import check_policy_settings, check_widths
+from creative_nao.agents.settings import check_policy_settings, check_widths
 from creative_nao.errors import SettingsError
 from creative_nao.fields import shown
 

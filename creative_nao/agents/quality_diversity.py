@@ -1,17 +1,90 @@
-"""Searches of pyribs: an archive of the movements found, emitters that propose new ones, a scheduler between them."""
+"""How a movement behaves, in a few numbers: what quality diversity and novelty search sort movements by.
+
+Descriptors read `info["trajectory"]`, the movement as it was scored: imagined in `BoxingMental-v0`, as the encoders
+measured it in `Boxing-v0`. An inappropriate movement counts as none at all: a search for variety would otherwise
+collect the endless variety of movements that nobody can use.
+
+Also here:
+- Searches of pyribs: an archive of the movements found, emitters that propose new ones, a scheduler between them.
+- Searches that sort movements by how far each arm moves: what CMA-ME and MAP-Elites have in common.
+- CMA-ME: evolution strategies that move to where the archive improves.
+- MAP-Elites: keep the best movement of each kind, and vary those.
+- Novelty search: look for behaviour unlike any before, whatever it earns.
+"""
 
 from __future__ import annotations
 
 import warnings
 from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
 from types import ModuleType
-from typing import Any
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from creative_nao.agents.base import Context
-from creative_nao.agents.batch_search import BatchSearch
-from creative_nao.agents.checks import load_extra, require_extra
+from creative_nao.agents.base import BatchSearch, Context, at_least, load_extra, positive, require_extra
+from creative_nao.errors import SettingsError
+
+N_EXCURSIONS = 2
+
+
+def arm_excursions(info: Mapping[str, Any]) -> np.ndarray:
+    """Return how far each arm moves: the mean over its joints of largest minus smallest angle [rad].
+
+    The first half of the joints counts as one arm and the second as the other: of the NAO the right and the left.
+    A punch of the paper reads about (0.06, 0.8) or (0.8, 0.06).
+
+    Args:
+        info: Terms of a step in which a movement was scored.
+
+    Returns:
+        Shape (2,), at least 0; zero for an inappropriate movement.
+
+    Raises:
+        SettingsError: If `info` does not hold the movement.
+    """
+    trajectory = scored_trajectory(info)
+    if not info["appropriate"]:
+        return np.zeros(N_EXCURSIONS)
+    half = (trajectory.shape[1] + 1) // 2
+    excursions = np.ptp(trajectory, axis=0)
+    return np.array([excursions[:half].mean(), excursions[half:].mean() if trajectory.shape[1] > 1 else 0.0])
+
+
+def mean_postures(info: Mapping[str, Any], n_stretches: int) -> np.ndarray:
+    """Return the mean posture in each of `n_stretches` equal stretches of a movement [rad].
+
+    Args:
+        info: Terms of a step in which a movement was scored.
+        n_stretches: Into how many stretches of time the movement is cut; more than it has ticks count as its ticks.
+
+    Returns:
+        Shape (n_stretches * n_joints,), stretch by stretch; for an inappropriate movement its first posture, held.
+
+    Raises:
+        SettingsError: If `info` does not hold the movement.
+    """
+    trajectory = scored_trajectory(info)
+    n_stretches = min(n_stretches, len(trajectory))
+    if not info["appropriate"]:
+        return np.tile(trajectory[0], n_stretches)
+    return np.concatenate([stretch.mean(axis=0) for stretch in np.array_split(trajectory, n_stretches)])
+
+
+def scored_trajectory(info: Mapping[str, Any]) -> np.ndarray:
+    """Return the movement in `info`, shape (n_steps, n_joints) [rad].
+
+    Raises:
+        SettingsError: If a term is missing; the message names it.
+    """
+    for term in ("trajectory", "appropriate"):
+        if term not in info:
+            raise SettingsError(
+                f'a descriptor reads `info["{term}"]`, as the environments of creative_nao tell it, '
+                f"but `info` holds only: {', '.join(info) or 'nothing'}"
+            )
+    return np.asarray(info["trajectory"], np.float64)
 
 
 class RibsSearch(BatchSearch):
@@ -85,3 +158,236 @@ def load_ribs(agent: str) -> tuple[ModuleType, ModuleType, ModuleType]:
 def bounds(context: Context) -> list[tuple[float, float]]:
     """Return the ends of the action space, a pair for each PB unit."""
     return list(zip(context.action_space.low.tolist(), context.action_space.high.tolist(), strict=True))
+
+
+class ArmGrid(Protocol):
+    """The settings that say how fine the archive is."""
+
+    @property
+    def n_cells(self) -> int:
+        """Cells along each of the two descriptors."""
+        ...
+
+    @property
+    def largest_excursion(self) -> float:
+        """Upper end along each descriptor [rad]."""
+        ...
+
+
+Settings = TypeVar("Settings", bound=ArmGrid)
+
+
+class ArmArchiveSearch(RibsSearch, Generic[Settings]):
+    """A search whose archive is pyribs' `GridArchive` over the excursions of both arms.
+
+    A subclass defines the emitter.
+    """
+
+    def __init__(self, settings: Settings):
+        super().__init__()
+        self.settings = settings
+
+    def build_archive(self, archives: ModuleType, context: Context, seed: np.random.SeedSequence) -> Any:
+        """Return a grid over the excursions of both arms."""
+        return archives.GridArchive(
+            solution_dim=context.action_space.shape[0],
+            dims=[self.settings.n_cells] * N_EXCURSIONS,
+            ranges=[(0.0, self.settings.largest_excursion)] * N_EXCURSIONS,
+            seed=seed,
+        )
+
+    def describe(self, info: Mapping[str, Any]) -> np.ndarray:
+        """Return how far each arm moves [rad], shape (2,)."""
+        return arm_excursions(info)
+
+
+@dataclass(frozen=True)
+class CmaMeSettings:
+    """How CMA-ME searches.
+
+    Raises:
+        SettingsError: If a value is out of range; the message names the field.
+    """
+
+    batch_size: int = 10
+    """Movements between two updates of distribution and archive."""
+    sigma: float = 1.2
+    """First standard deviation, in each PB unit, around the centre of the space and after a restart around an elite."""
+    n_cells: int = 12
+    """Cells of the archive along each of the two descriptors."""
+    largest_excursion: float = 1.5
+    """Upper end of the archive along each descriptor [rad]; beyond it movements fall into the last cell."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 2, "batch_size")
+        at_least(self, 1, "n_cells")
+        positive(self, "sigma", "largest_excursion")
+
+
+class CmaMeAgent(ArmArchiveSearch[CmaMeSettings]):
+    """CMA-ME (Fontaine et al. 2020, arXiv:1912.02400) by pyribs' `GridArchive` and `EvolutionStrategyEmitter`.
+
+    A movement ranks first if it fills an empty cell, then by how much it improves one. Movements are sorted by how far
+    each arm moves (`descriptors.arm_excursions`).
+
+    Raises:
+        MissingDependencyError: If pyribs is not installed.
+    """
+
+    name: ClassVar[str] = "cma_me"
+
+    def __init__(self, settings: CmaMeSettings | None = None):
+        super().__init__(settings or CmaMeSettings())
+
+    def build_emitter(self, emitters: ModuleType, archive: Any, context: Context, seed: np.random.SeedSequence) -> Any:
+        """Return the evolution strategy, ranked by improvement of the archive."""
+        space = context.action_space
+        return emitters.EvolutionStrategyEmitter(
+            archive,
+            x0=(space.low + space.high).astype(np.float64) / 2.0,
+            sigma0=self.settings.sigma,
+            ranker="2imp",
+            bounds=bounds(context),
+            batch_size=self.settings.batch_size,
+            seed=seed,
+        )
+
+
+@dataclass(frozen=True)
+class MapElitesSettings:
+    """How MAP-Elites searches.
+
+    Raises:
+        SettingsError: If a value is out of range; the message names the field.
+    """
+
+    n_initial: int = 15
+    """Movements drawn uniformly before the first variation."""
+    batch_size: int = 1
+    """Movements between two updates of the archive."""
+    sigma: float = 0.5
+    """Standard deviation of a variation, in each PB unit; the square is 2 wide."""
+    n_cells: int = 6
+    """Cells of the archive along each of the two descriptors."""
+    largest_excursion: float = 1.5
+    """Upper end of the archive along each descriptor [rad]; beyond it movements fall into the last cell."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "n_initial", "batch_size", "n_cells")
+        positive(self, "sigma", "largest_excursion")
+
+
+class MapElitesAgent(ArmArchiveSearch[MapElitesSettings]):
+    """MAP-Elites (Mouret and Clune 2015, arXiv:1504.04909) by pyribs' `GridArchive` and `GaussianEmitter`.
+
+    Movements are sorted by how far each arm moves (`descriptors.arm_excursions`).
+
+    Raises:
+        MissingDependencyError: If pyribs is not installed.
+    """
+
+    name: ClassVar[str] = "map_elites"
+
+    def __init__(self, settings: MapElitesSettings | None = None):
+        super().__init__(settings or MapElitesSettings())
+
+    def build_emitter(self, emitters: ModuleType, archive: Any, context: Context, seed: np.random.SeedSequence) -> Any:
+        """Return the emitter that varies elites drawn from the archive."""
+        space = context.action_space
+        return emitters.GaussianEmitter(
+            archive,
+            sigma=self.settings.sigma,
+            initial_solutions=context.rng.uniform(space.low, space.high, (self.settings.n_initial, *space.shape)),
+            bounds=bounds(context),
+            batch_size=self.settings.batch_size,
+            seed=seed,
+        )
+
+
+@dataclass(frozen=True)
+class NoveltySearchSettings:
+    """How novelty search searches.
+
+    Raises:
+        SettingsError: If a value is out of range; the message names the field.
+    """
+
+    n_initial: int = 5
+    """Movements drawn uniformly before the first update."""
+    batch_size: int = 3
+    """Movements between two updates of distribution and archive."""
+    sigma: float = 0.8
+    """First standard deviation, in each PB unit, around a movement drawn from the archive; the square is 2 wide."""
+    n_neighbours: int = 3
+    """Novelty is the mean distance to so many movements of the archive."""
+    threshold: float = 0.5
+    """A movement joins the archive when it is at least so novel, in the unit of the descriptor [rad]."""
+    n_stretches: int = 5
+    """The descriptor is the mean posture in so many equal stretches of the movement."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 2, "batch_size")
+        at_least(self, 1, "n_initial", "n_neighbours", "n_stretches")
+        positive(self, "sigma")
+        if not self.threshold >= 0.0:
+            raise SettingsError(f"`threshold` should be at least 0, but is {self.threshold}")
+
+
+class NoveltySearchAgent(BatchSearch):
+    """Novelty search (Lehman and Stanley 2011) by pyribs' `ProximityArchive` and `EvolutionStrategyEmitter`.
+
+    Movements are compared by their mean posture in a few stretches of time (`descriptors.mean_postures`). The reward
+    plays no part; that a movement is inappropriate does: it counts as none (a minimal criterion, as Lehman and
+    Stanley proposed in 2010).
+
+    Raises:
+        MissingDependencyError: If pyribs is not installed.
+    """
+
+    name: ClassVar[str] = "novelty_search"
+
+    def __init__(self, settings: NoveltySearchSettings | None = None):
+        require_ribs(self.name)
+        self.settings = settings or NoveltySearchSettings()
+
+    def prepare(self, context: Context, seed: int) -> None:
+        """Begin with nothing: the first movements show how many joints the descriptor has."""
+        self._parts = load_ribs(self.name)
+        self._seeds = np.random.SeedSequence(seed).spawn(2)
+        self._scheduler: Any = None
+
+    def propose(self) -> np.ndarray:
+        """Draw the first batch uniformly, (n_initial, n_pb); after it ask the emitter, (batch_size, n_pb)."""
+        if self._scheduler is not None:
+            return self._scheduler.ask()
+        space = self.context.action_space
+        return self.context.rng.uniform(space.low, space.high, (self.settings.n_initial, *space.shape))
+
+    def receive(self, pb: np.ndarray, rewards: np.ndarray, descriptors: np.ndarray) -> None:
+        """Add the batch to the archive and tell the emitter how novel each movement was."""
+        if self._scheduler is not None:
+            self._scheduler.tell(rewards, descriptors)  # the rewards are kept beside, not ranked
+            return
+        archives, emitters, schedulers = self._parts
+        archive = archives.ProximityArchive(
+            solution_dim=pb.shape[1],
+            measure_dim=descriptors.shape[1],
+            k_neighbors=self.settings.n_neighbours,
+            novelty_threshold=self.settings.threshold,
+            seed=self._seeds[0],
+        )
+        archive.add(pb, rewards, descriptors)
+        emitter = emitters.EvolutionStrategyEmitter(
+            archive,
+            x0=archive.sample_elites(1)["solution"][0],
+            sigma0=self.settings.sigma,
+            ranker="nov",
+            bounds=bounds(self.context),
+            batch_size=self.settings.batch_size,
+            seed=self._seeds[1],
+        )
+        self._scheduler = schedulers.Scheduler(archive, [emitter])
+
+    def describe(self, info: Mapping[str, Any]) -> np.ndarray:
+        """Return the mean postures [rad], shape (n_stretches * n_joints,)."""
+        return mean_postures(info, self.settings.n_stretches)

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from creative_nao import atomic
 from creative_nao.agents.algorithms import CELL_POLICY, CELL_SAC_POLICY, find_algorithm
-from creative_nao.agents.checks import at_least
-from creative_nao.agents.hyperparameters import Hyperparameters, read_hyperparameters
+from creative_nao.agents.base import at_least
+from creative_nao.agents.settings import Hyperparameters, read_hyperparameters
 from creative_nao.agents.training import TrainingPlan, train_agent
 from creative_nao.errors import MissingDependencyError, SettingsError
 
@@ -119,7 +118,7 @@ def tune(
     entry = suggest(optuna.trial.FixedTrial(best.params), start) if best.params else start
     whole = read_hyperparameters(known.name, plan.env, plan.conf_file).n_timesteps
     path = out / f"{known.name}.yml"
-    atomic.write_text(path, _as_yaml(plan, entry.replace(n_timesteps=whole), study.best_value, finished()))
+    storage.write_text(path, _as_yaml(plan, entry.replace(n_timesteps=whole), study.best_value, finished()))
     complete = study.get_trials(deepcopy=False, states=(done,))
     return TuningResult(path, len(complete), complete[0].value, study.best_value, dict(best.params))
 

@@ -8,10 +8,9 @@ import json
 import tyro
 
 from creative_nao.agents.adapters import PolicyAgent
-from creative_nao.agents.bundle import TrainedPolicy
-from creative_nao.agents.judging import PlayedEpisode, Score, play_episodes
+from creative_nao.agents.bundle import TrainedPolicy, replay
+from creative_nao.agents.evaluate_policy import PlayedEpisode, Score, play_episodes
 from creative_nao.agents.registry import make_agent
-from creative_nao.agents.replay import replay
 from creative_nao.agents.training import memories_of
 from creative_nao.cli.progress import Display
 from creative_nao.errors import SettingsError

@@ -14,17 +14,16 @@ from typing import Any
 import numpy as np
 import tyro
 
-from creative_nao import atomic
+from creative_nao import storage
 from creative_nao.agents.algorithms import find_algorithm
-from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, save_bundle
-from creative_nao.agents.hyperparameters import read_hyperparameters
-from creative_nao.agents.judging import Score, check_env
-from creative_nao.agents.replay import machine, score_policy
+from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, machine, save_bundle, score_policy
+from creative_nao.agents.evaluate_policy import Score, check_env
+from creative_nao.agents.settings import read_hyperparameters
 from creative_nao.agents.training import TrainingPlan, memories_of, train_agent
-from creative_nao.agents.training_record import TrainingRecord
+from creative_nao.agents.training_state import TrainingRecord
 from creative_nao.cli.progress import Display
 from creative_nao.errors import SettingsError
-from creative_nao.provenance import record as provenance
+from creative_nao.runtime import record as provenance
 
 FIRST_SCORE_SEED = 100
 """The recorded score is played with other seeds than those that chose the weights."""
@@ -118,7 +117,7 @@ def run(settings: TrainAgentSettings) -> int:
     record.write_csv(settings.out)
     figures = _figures(header, record, bundle)
     whole = {**provenance(settings=plan.as_json(), command=header.command), **figures}
-    atomic.write_text(settings.out / "run.json", json.dumps(whole, indent=2) + "\n")
+    storage.write_text(settings.out / "run.json", json.dumps(whole, indent=2) + "\n")
     _print(figures, settings.json)
     return 0
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from creative_nao.cores import usable_cores
 from creative_nao.errors import MissingDependencyError
-from creative_nao.provenance import versions
 from creative_nao.robot import headless
+from creative_nao.runtime import usable_cores, versions
 
 _GIB = 2**30
 

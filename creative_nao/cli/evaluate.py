@@ -1,4 +1,8 @@
-"""`creative-nao evaluate SUITE`: compare agents, or reproduce the paper; ends with a table and a report."""
+"""`creative-nao evaluate SUITE`: compare agents, or reproduce the paper; ends with a table and a report.
+
+Also here:
+- `creative-nao evaluate leaderboard` and `verify`: what can be done with results that are there.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ import json
 import shlex
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,15 +20,84 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 from rich.progress import Progress as Bar
+from rich.table import Table
 
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
-from creative_nao.evaluation.entrants import check_entrant
-from creative_nao.evaluation.executors import Executor, LocalExecutor
+from creative_nao.evaluation.resolve_agents import check_entrant
+from creative_nao.evaluation.result_page import publish, with_record
 from creative_nao.evaluation.run import Evaluation, evaluate
-from creative_nao.evaluation.runner import Progress
+from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, find_suite
-from creative_nao.evaluation.tables import terminal_table
+from creative_nao.evaluation.tables import env_label, leaderboard, terminal_table
+from creative_nao.evaluation.verification import TOLERANCE, Verification, verify
+
+DOES_NOT_HOLD = 1
+
+
+def run_leaderboard(runs: tuple[Path, ...], docs: Path | None) -> int:
+    """Write the pages into `docs`, or without it the leaderboard to stdout; return the exit code."""
+    if not runs and docs is None:
+        raise SettingsError("leaderboard: name the run folders, as in `creative-nao evaluate leaderboard runs/mine`")
+    if docs is None:
+        found = {str(folder / "results.json"): with_record(folder) for folder in runs}
+        sys.stdout.write(leaderboard(found))
+        return 0
+    for path in publish(runs, docs):
+        Console(stderr=True).print(f"written: {path}", soft_wrap=True, highlight=False)
+    return 0
+
+
+def run_verify(
+    files: tuple[Path, ...],
+    *,
+    trusted: bool,
+    n_sample: int,
+    row: int | None,
+    as_json: bool,
+    executor: Executor,
+    on_progress: Callable[[Progress], None],
+) -> int:
+    """Play episodes of a result file again; return 0 if it holds, 1 if not."""
+    if len(files) != 1:
+        raise SettingsError("verify: name one result file, as in `creative-nao evaluate verify runs/mine/results.json`")
+    path = files[0] / "results.json" if files[0].is_dir() else files[0]
+    found = verify(path, trusted=trusted, n_sample=n_sample, row=row, executor=executor, on_progress=on_progress)
+    if as_json:
+        sys.stdout.write(json.dumps(_plain(found), indent=2, allow_nan=False) + "\n")
+    else:
+        _print(found, path)
+    return 0 if found.holds else DOES_NOT_HOLD
+
+
+def _plain(found: Verification) -> dict[str, object]:
+    return {
+        "holds": found.holds,
+        "exact": found.exact,
+        "checks": [vars(check) for check in found.checks],
+        "differences": list(found.differences),
+        "contradictions": list(found.contradictions),
+    }
+
+
+def _print(found: Verification, path: Path) -> None:
+    console = Console() if sys.stdout.isatty() else Console(width=140)
+    table = Table(title=f"Played again from {path}")
+    for title in ("agent", "environment", "memory"):
+        table.add_column(title)
+    for title in ("seed", "published", "found", "holds"):
+        table.add_column(title, justify="right")
+    for check in found.checks:
+        figures = (f"{check.published:.6f}", f"{check.found:.6f}", "yes" if check.holds else "NO")
+        table.add_row(check.agent, env_label(check.env), check.memory, str(check.seed), *figures)
+    console.print(table)
+    for line in (*found.differences, *found.contradictions):
+        console.print(line, soft_wrap=True, highlight=False)
+    n_bad = sum(not check.holds for check in found.checks) + len(found.contradictions)
+    how = "to the bit" if found.exact else f"within {TOLERANCE:.0%}, for not everything is as it was"
+    said = f"holds {how}" if found.holds else f"does NOT hold: {n_bad} of its figures are not repeated"
+    console.print(f"{len(found.checks)} episodes played again: {path} {said}", soft_wrap=True, highlight=False)
+
 
 PAPER, PAPER_FLAGS = "paper", ("quick", "retrain", "sensitivity")
 LEADERBOARD, VERIFY = "leaderboard", "verify"
@@ -88,15 +162,11 @@ def run(settings: EvaluateSettings) -> int:
     if settings.suite == PAPER:
         return _paper(settings)
     if settings.suite == LEADERBOARD:
-        from creative_nao.cli.evaluate_files import run_leaderboard
-
         return run_leaderboard(settings.files, settings.docs)
     # Progress goes to stderr, so that --json leaves stdout to the figures.
     console = Console(stderr=True)
     executor = _executor(settings)
     if settings.suite == VERIFY:
-        from creative_nao.cli.evaluate_files import run_verify
-
         with _Display(console) as display:
             return run_verify(
                 settings.files, trusted=settings.trust, n_sample=settings.sample, row=settings.row,
@@ -126,8 +196,6 @@ def run(settings: EvaluateSettings) -> int:
         return 130
     _show(evaluation, as_json=settings.json, console=console)
     if settings.docs is not None:
-        from creative_nao.cli.evaluate_files import run_leaderboard
-
         return run_leaderboard((folder,), settings.docs)
     return 0
 

@@ -16,13 +16,12 @@ from rich.table import Table
 
 from creative_nao.cli.progress import Display
 from creative_nao.errors import SettingsError
-from creative_nao.evaluation.paper.bank import Report
-from creative_nao.evaluation.paper.publishing import publish
-from creative_nao.evaluation.paper.reference import CONDITION_NAMES, CONDITION_TITLES, FURTHER, TABLE_I
+from creative_nao.evaluation.paper.bank import Report, paper_settings
+from creative_nao.evaluation.paper.blocks import mean_cell, number
+from creative_nao.evaluation.paper.comparisons import CONDITION_NAMES, CONDITION_TITLES, FURTHER, TABLE_I
+from creative_nao.evaluation.paper.page import publish
 from creative_nao.evaluation.paper.run import Reproduction, reproduce
 from creative_nao.evaluation.paper.sensitivity import SensitivitySettings
-from creative_nao.evaluation.paper.settings import paper_settings
-from creative_nao.evaluation.paper.wording import mean_cell, number
 
 SUITE = "paper"
 COLOURS = {"holds": "green", "does not hold": "red", "undecided": "dim"}

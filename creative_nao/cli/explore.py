@@ -14,7 +14,7 @@ import tyro
 from creative_nao.errors import FileFormatError, MissingDependencyError, NotFoundError, SettingsError
 from creative_nao.fields import shown
 from creative_nao.model import load_memory
-from creative_nao.untrusted import read_text
+from creative_nao.storage import read_text
 
 INSTALL = 'pip install "creative-nao[explore]"'
 MAX_CROWD = 5000
@@ -64,10 +64,9 @@ def run(settings: ExploreSettings) -> int:
         raise
     except ImportError as error:
         raise MissingDependencyError(f"the explorer needs {error.name or 'NiceGUI'}: {INSTALL}") from error
-    from creative_nao.explorer.physical import check_physical
-    from creative_nao.explorer.session import Session, default_path
-    from creative_nao.explorer.shelf import Shelf
-    from creative_nao.explorer.stage import Stage
+    from creative_nao.explorer.physics_service import Stage
+    from creative_nao.explorer.registry import Shelf, check_physical
+    from creative_nao.explorer.state import Session, default_path
 
     check_physical(settings.physical, memories)
     claim_port(settings.host, settings.port)
@@ -117,7 +116,7 @@ def _coordinate(cell: str | None, where: str) -> float:
 
 
 def _write_page(settings: ExploreSettings, target: Path) -> int:
-    from creative_nao.explorer.physical import check_physical, physical_map_of
+    from creative_nao.explorer.registry import check_physical, physical_map_of
     from creative_nao.explorer.static_export import write_page
 
     if target.suffix.lower() not in (".html", ".htm"):

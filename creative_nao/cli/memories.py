@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from creative_nao import atomic
+from creative_nao import storage
 from creative_nao.cli.progress import Display
 from creative_nao.errors import SettingsError
+from creative_nao.maps import PAPER_RESOLUTION, pb_map
 from creative_nao.measures import Criteria, table
 from creative_nao.model import load_memory, reproduction, shipped_memories, shipped_scores, split_of
-from creative_nao.pb_space import PAPER_RESOLUTION, pb_map
-from creative_nao.provenance import record
+from creative_nao.runtime import record
 
 COLUMNS = ("appropriate_pct", "learned_pct", "unlearned_pct", "fluctuating_pct", "non_moving_pct")
 
@@ -75,7 +75,7 @@ def _rescored(settings: MemoriesSettings) -> dict[str, dict[str, Any]]:
             display.show("scoring memories", done, name)
     if settings.out is not None:
         made = record(settings={"resolution": PAPER_RESOLUTION}, command="creative-nao memories --rescore")
-        atomic.write_text(settings.out, json.dumps({**made, "memories": scores}, indent=1) + "\n")
+        storage.write_text(settings.out, json.dumps({**made, "memories": scores}, indent=1) + "\n")
     return scores
 
 

@@ -13,14 +13,7 @@ import tyro
 from creative_nao import exchange
 from creative_nao.demonstrations import Demonstrations, load_demonstrations, load_trajectory
 from creative_nao.errors import SettingsError
-from creative_nao.measures import (
-    Scores,
-    dtw_similarity,
-    mean_pairwise_distance,
-    score,
-    vendi_score,
-    warping_diversity,
-)
+from creative_nao.measures import Scores, dtw_similarity, mean_pairwise_distance, score, vendi_score, warping_diversity
 
 
 @dataclass(frozen=True)

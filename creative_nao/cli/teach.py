@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from creative_nao import provenance
+from creative_nao import runtime
 from creative_nao.demonstrations import Demonstrations, Variation, save_demonstrations
 from creative_nao.errors import SettingsError
 from creative_nao.measures import dtw_matrix
@@ -51,8 +51,7 @@ def run(settings: TeachSettings) -> int:
         SettingsError: If a setting is outside its range.
         CreativeNaoError: Whatever else the user can mend.
     """
-    from creative_nao.demonstrations.checks import shortcomings
-    from creative_nao.demonstrations.teaching import as_demonstrations, teach
+    from creative_nao.demonstrations.teaching import as_demonstrations, shortcomings, teach
 
     if settings.seed < 0:
         raise SettingsError(f"`seed` should be 0 or larger, but is {settings.seed}.")
@@ -63,7 +62,7 @@ def run(settings: TeachSettings) -> int:
     demos = as_demonstrations(lessons)
     figures = _figures(lessons, demos)
     figures["shortcomings"] = shortcomings(lessons, demos) + _too_close(demos)
-    record = provenance.record(
+    record = runtime.record(
         settings={k: v for k, v in dataclasses.asdict(settings).items() if k not in ("out", "json")},
         command=_command(settings),
     )
@@ -110,7 +109,7 @@ def _figures(lessons: list[Lesson], demos: Demonstrations) -> dict[str, Any]:
 
 
 def _too_close(demos: Demonstrations) -> list[str]:
-    from creative_nao.demonstrations.checks import MIN_DISTANCE_RAD
+    from creative_nao.demonstrations.teaching import MIN_DISTANCE_RAD
 
     distances = dtw_matrix(demos.trajectories)
     pairs = zip(*np.triu_indices(len(distances), 1), strict=True)

@@ -11,21 +11,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from creative_nao import atomic
+from creative_nao import storage
 from creative_nao.cli.progress import Display
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.errors import SettingsError, TrainingError
 from creative_nao.measures import Criteria
-from creative_nao.model import (
-    CONDITIONS,
-    NetworkSettings,
-    Trained,
-    TrainingSettings,
-    checkpoint_of,
-    train_many,
-)
-from creative_nao.model.engine import TrainingState
-from creative_nao.provenance import record
+from creative_nao.model import CONDITIONS, NetworkSettings, Trained, TrainingSettings, checkpoint_of, train_many
+from creative_nao.model.training import TrainingState
+from creative_nao.runtime import record
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,7 +97,7 @@ def run(settings: TrainSettings) -> int:
     figures = [_figures(one, demonstrations) for one in trained]
     if many:
         whole = {**record(settings=dataclasses.asdict(wanted[0]), command=_command(settings)), "networks": figures}
-        atomic.write_text(settings.out / "training.json", json.dumps(whole, indent=2) + "\n")
+        storage.write_text(settings.out / "training.json", json.dumps(whole, indent=2) + "\n")
     if settings.json:
         print(json.dumps(figures if many else {"out": os.fspath(settings.out), **figures[0]}))  # noqa: T201 - output
     elif many:

@@ -10,11 +10,9 @@
 wrong with the result. They load MuJoCo and are imported by name only where something is taught.
 """
 
-from creative_nao.demonstrations.csv_format import load_trajectory, save_trajectory
 from creative_nao.demonstrations.dataset import Demonstrations
-from creative_nao.demonstrations.files import load_demonstrations, save_demonstrations
-from creative_nao.demonstrations.keyframes import ACTIONS, Movement, keyframes
-from creative_nao.demonstrations.variation import Variation, vary
+from creative_nao.demonstrations.files import load_demonstrations, load_trajectory, save_demonstrations, save_trajectory
+from creative_nao.demonstrations.keyframes import ACTIONS, Movement, Variation, keyframes, vary
 
 __all__ = [
     "ACTIONS",

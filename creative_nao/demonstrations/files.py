@@ -1,20 +1,189 @@
-"""A set of basic actions as a folder: one CSV file an action, named after it, and `record.json` beside them."""
+"""A set of basic actions as a folder: one CSV file an action, named after it, and `record.json` beside them.
+
+Also here:
+- One trajectory as a CSV file: header `time_s,RShoulderPitch,...`, then one posture a line, in seconds and radians.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import os
 from pathlib import Path
 from typing import Any
 
-from creative_nao import atomic, provenance
-from creative_nao.demonstrations.csv_format import TIME_COLUMN, column_names, load_trajectory, save_trajectory
-from creative_nao.demonstrations.dataset import Demonstrations
+import numpy as np
+
+from creative_nao import runtime, storage
+from creative_nao.demonstrations.dataset import Demonstrations, outside_range
 from creative_nao.demonstrations.keyframes import ACTIONS, DT_S
-from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.demonstrations.resampling import n_ticks, resample
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError, nearest_name
 from creative_nao.fields import Fields, is_plain_name, shown
 from creative_nao.joints import JOINTS
-from creative_nao.untrusted import as_json, read_text
+from creative_nao.storage import as_json, read_text
+
+TIME_COLUMN = "time_s"
+MAX_FILE_BYTES = 20_000_000
+MAX_CELLS = 2_000_000
+"""Of a table: 20 MB of numbers with all their digits are a million."""
+LARGEST_TIME_S = 1e12
+"""Clocks that count from 1970 stand at 2e9."""
+SHORTEST_STEP_S = 1e-6
+MAX_STEPS = 10_000
+"""Longest trajectory a file may hold, in ticks; more is a mistake in the unit of time."""
+
+
+def load_trajectory(
+    path: str | os.PathLike[str], dt_s: float = DT_S, joints: tuple[str, ...] | None = JOINTS
+) -> np.ndarray:
+    """Read a trajectory from a CSV file and bring it to the tick `dt_s`.
+
+    Args:
+        path: The file: UTF-8 text, commas between columns, a point as decimal mark.
+        dt_s: Tick of the result [s]; `resampling.py` tells how another rate is brought to it.
+        joints: Columns to read, in this order. None reads every column but the time, in the file's order.
+
+    Returns:
+        Joint angles [rad], shape (n_steps, n_joints).
+
+    Raises:
+        NotFoundError: If there is no such file.
+        FileFormatError: If the file does not hold a trajectory; the message says where and why.
+    """
+    if not (np.isfinite(dt_s) and dt_s > 0):
+        raise SettingsError(f"`dt_s` should be a positive number of seconds, but is {dt_s}.")
+    path = Path(path)
+    header, rows = _read_table(path)
+    wanted = tuple(name for name in header if name != TIME_COLUMN) if joints is None else joints
+    for name in (TIME_COLUMN, *wanted):
+        if name not in header:
+            raise FileFormatError(
+                f"{path}: column `{name}` is missing{nearest_name(name, header)}; "
+                f"the first line, which should name the columns, has {', '.join(header)[:200]}."
+            )
+        if header.count(name) > 1:
+            raise FileFormatError(f"{path}: column `{name}` stands in the first line more than once.")
+    columns = [header.index(name) for name in (TIME_COLUMN, *wanted)]
+    values = np.array([[_number(row[c], header[c], path, line) for c in columns] for line, row in rows])
+    times, angles = values[:, 0], values[:, 1:]
+
+    if np.abs(times).max() > LARGEST_TIME_S:
+        k = int(np.abs(times).argmax())
+        raise FileFormatError(f"{path}: line {rows[k][0]}: `{TIME_COLUMN}` is {times[k]:g}, expected seconds.")
+    late = np.flatnonzero(np.diff(times) < SHORTEST_STEP_S)
+    if len(late):
+        k = int(late[0]) + 1
+        raise FileFormatError(
+            f"{path}: line {rows[k][0]}: `{TIME_COLUMN}` should rise from line to line, "
+            f"but is {times[k]:g} after {times[k - 1]:g}."
+        )
+    found = outside_range(angles, wanted)
+    if found:
+        row, column, clause = found
+        raise FileFormatError(f"{path}: line {rows[row][0]}: `{wanted[column]}` {clause}.")
+    duration = float(times[-1] - times[0])
+    if duration < dt_s * (1.0 - 1e-6):
+        raise FileFormatError(f"{path}: lasts {duration:g} s, shorter than one tick of {dt_s:g} s.")
+    if duration / dt_s > MAX_STEPS:
+        raise FileFormatError(
+            f"{path}: lasts {duration:g} s, {n_ticks(duration, dt_s)} ticks of {dt_s:g} s, "
+            f"expected at most {MAX_STEPS}; is `{TIME_COLUMN}` in seconds, not milliseconds?"
+        )
+    return resample(times, angles, dt_s)
+
+
+def save_trajectory(
+    path: str | os.PathLike[str], trajectory: np.ndarray, dt_s: float = DT_S, joints: tuple[str, ...] = JOINTS
+) -> Path:
+    """Write a trajectory as CSV so that `load_trajectory` gives back the same bits; the file is replaced in one step.
+
+    Args:
+        path: Where to write.
+        trajectory: Joint angles [rad], shape (n_steps, n_joints).
+        dt_s: Time from one posture to the next [s].
+        joints: Name of each column.
+
+    Returns:
+        The path.
+
+    Raises:
+        ShapeError: If the trajectory is not a finite array of that shape.
+    """
+    angles = np.asarray(trajectory, dtype=np.float64)
+    if angles.ndim != 2 or angles.shape[1] != len(joints) or not np.isfinite(angles).all():
+        raise ShapeError(
+            f"`trajectory` should be finite with shape (n_steps, {len(joints)}), one column for each of "
+            f"{', '.join(joints)}, but has {angles.shape}."
+        )
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([TIME_COLUMN, *joints])
+    for step, posture in enumerate(angles):
+        writer.writerow([repr(round(step * dt_s, 9)), *(repr(float(angle)) for angle in posture)])
+    return storage.write_text(path, text.getvalue())
+
+
+def column_names(path: Path) -> list[str]:
+    """Return the header of a CSV file."""
+    return _read_table(path)[0]
+
+
+def _read_table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Return the header and the lines, each with its number, all as wide as the header."""
+    table = split_table(path, read_text(path, "trajectory", MAX_FILE_BYTES))
+    if not table:
+        raise FileFormatError(f"{path}: is empty, expected the header `{TIME_COLUMN},{','.join(JOINTS)}`.")
+    header = table[0][1]
+    if len(header) == 1 and (";" in header[0] or "\t" in header[0]):
+        mark = "semicolons" if ";" in header[0] else "tabs"
+        raise FileFormatError(
+            f"{path}: line {table[0][0]}: has {mark} between the columns, expected commas, and a point as decimal mark."
+        )
+    for line, row in table[1:]:
+        if len(row) != len(header):
+            hint = "; perhaps a comma is the decimal mark" if len(row) > len(header) else ""
+            raise FileFormatError(
+                f"{path}: line {line}: has {len(row)} columns, expected {len(header)} as the header{hint}"
+            )
+    if len(table) < 3:
+        raise FileFormatError(f"{path}: has {len(table) - 1} postures, expected at least 2.")
+    return header, table[1:]
+
+
+def split_table(path: Path, text: str) -> list[tuple[int, list[str]]]:
+    """Return the cells of CSV text, line by line with the line's number; empty lines are left out.
+
+    Raises:
+        FileFormatError: If it is no CSV, or has more than `MAX_CELLS` cells.
+    """
+    reader = csv.reader(io.StringIO(text, newline=""))
+    found, n_cells = [], 0
+    try:
+        for row in reader:
+            n_cells += len(row)
+            if n_cells > MAX_CELLS:
+                raise FileFormatError(f"{path}: line {reader.line_num}: has more than {MAX_CELLS} cells to here.")
+            if any(cells := [cell.strip() for cell in row]):
+                found.append((reader.line_num, cells))
+    except csv.Error as error:
+        raise FileFormatError(f"{path}: line {reader.line_num}: not a line of CSV ({error}).") from None
+    return found
+
+
+def _number(cell: str, column: str, path: Path, line: int) -> float:
+    try:
+        if "_" in cell:  # Python reads 1_000 as a number, no other program does
+            raise ValueError
+        value = float(cell)
+    except ValueError:
+        hint = "; a decimal comma? expected a point" if "," in cell else ""
+        raise FileFormatError(f"{path}: line {line}: `{column}` is `{cell[:40]}`, expected a number{hint}.") from None
+    if not np.isfinite(value):
+        raise FileFormatError(f"{path}: line {line}: `{column}` is `{cell[:40]}`, expected a finite number.")
+    return value
+
 
 SHIPPED_FOLDER = Path(__file__).parent / "data"
 """The six basic actions that come with the package."""
@@ -67,7 +236,7 @@ def load_demonstrations(
     trajectories = [load_trajectory(path, dt_s, joints) for path in files]
     ignored = {path.name: [c for c in column_names(path) if c not in (TIME_COLUMN, *joints)] for path in files}
     record: dict[str, Any] = {
-        "files": {path.name: provenance.sha256(path) for path in files},
+        "files": {path.name: runtime.sha256(path) for path in files},
         "ignored_columns": {name: columns for name, columns in ignored.items() if columns},
         "taught": _read_record(folder / RECORD_NAME),
     }
@@ -88,7 +257,7 @@ def save_demonstrations(folder: str | os.PathLike[str], demos: Demonstrations) -
     paths = [folder / f"{name}.csv" for name in demos.names]
     for path, trajectory in zip(paths, demos.trajectories, strict=True):
         save_trajectory(path, trajectory, demos.dt_s, demos.joints)
-    atomic.write_text(folder / RECORD_NAME, json.dumps(demos.record, indent=2) + "\n")
+    storage.write_text(folder / RECORD_NAME, json.dumps(demos.record, indent=2) + "\n")
     if gone := [path.name for path in paths if not path.exists()]:
         raise NotFoundError(f"{folder}: {gone[0]} vanished while the others were written; write them again.")
     return folder

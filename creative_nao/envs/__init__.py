@@ -21,11 +21,9 @@ from typing import TYPE_CHECKING, Any
 from creative_nao.envs.registration import ENVIRONMENTS, VECTOR_ENVIRONMENTS, register_environments
 
 if TYPE_CHECKING:
-    from creative_nao.envs.boxing_env import BoxingEnv
-    from creative_nao.envs.mental_env import BoxingMentalEnv
-    from creative_nao.envs.modulation_env import BoxingModulationEnv
-    from creative_nao.envs.modulation_vector_env import BoxingModulationVectorEnv
-    from creative_nao.envs.sb3_adapter import SB3VecEnv
+    from creative_nao.envs.boxing_envs import BoxingEnv, BoxingMentalEnv
+    from creative_nao.envs.modulation import BoxingModulationEnv, BoxingModulationVectorEnv
+    from creative_nao.envs.sb3 import SB3VecEnv
     from creative_nao.envs.state import EnvState
     from creative_nao.envs.tasks import TASKS, load
     from creative_nao.envs.vector_env import BoxingMentalVectorEnv, BoxingVectorEnv
@@ -47,14 +45,14 @@ __all__ = [
 ]
 
 _HOMES = {
-    "BoxingEnv": "boxing_env",
-    "BoxingMentalEnv": "mental_env",
+    "BoxingEnv": "boxing_envs",
+    "BoxingMentalEnv": "boxing_envs",
     "BoxingMentalVectorEnv": "vector_env",
-    "BoxingModulationEnv": "modulation_env",
-    "BoxingModulationVectorEnv": "modulation_vector_env",
+    "BoxingModulationEnv": "modulation",
+    "BoxingModulationVectorEnv": "modulation",
     "BoxingVectorEnv": "vector_env",
     "EnvState": "state",
-    "SB3VecEnv": "sb3_adapter",
+    "SB3VecEnv": "sb3",
     "TASKS": "tasks",
     "load": "tasks",
 }

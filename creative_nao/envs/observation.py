@@ -10,7 +10,7 @@ from gymnasium.spaces import Box
 
 from creative_nao import measures
 from creative_nao.errors import SettingsError
-from creative_nao.measures.score import APPROPRIATE
+from creative_nao.measures.outcome import APPROPRIATE
 
 OF_THE_BODY = ("joint_limit", "torque_saturated", "tracking_error", "self_collision", "fell")
 """Outcomes that only a body has; `robot.first_failure` says which comes first where several hold."""

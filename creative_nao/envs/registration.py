@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 ENVIRONMENTS = {
-    "CreativeNao/Boxing-v0": "creative_nao.envs.boxing_env:BoxingEnv",
-    "CreativeNao/BoxingMental-v0": "creative_nao.envs.mental_env:BoxingMentalEnv",
-    "CreativeNao/BoxingModulation-v0": "creative_nao.envs.modulation_env:BoxingModulationEnv",
+    "CreativeNao/Boxing-v0": "creative_nao.envs.boxing_envs:BoxingEnv",
+    "CreativeNao/BoxingMental-v0": "creative_nao.envs.boxing_envs:BoxingMentalEnv",
+    "CreativeNao/BoxingModulation-v0": "creative_nao.envs.modulation:BoxingModulationEnv",
 }
 """Every environment of the project and the class behind it."""
 VECTOR_ENVIRONMENTS = {
     "CreativeNao/Boxing-v0": "creative_nao.envs.vector_env:BoxingVectorEnv",
     "CreativeNao/BoxingMental-v0": "creative_nao.envs.vector_env:BoxingMentalVectorEnv",
-    "CreativeNao/BoxingModulation-v0": "creative_nao.envs.modulation_vector_env:BoxingModulationVectorEnv",
+    "CreativeNao/BoxingModulation-v0": "creative_nao.envs.modulation:BoxingModulationVectorEnv",
 }
 """The class that makes many copies of each at once."""
 

@@ -8,12 +8,12 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.spaces import Box
 
-from creative_nao.envs.bank import MemoryLike
-from creative_nao.envs.episodes import Episodes, Scored
-from creative_nao.envs.performers import FRAME_DT_S, Body, Mind, Performed, SharedScene
-from creative_nao.envs.repertoire import Repertoire
-from creative_nao.envs.screen import RENDER_MODES, Screen
+from creative_nao.envs.archive import Repertoire
+from creative_nao.envs.episode_batch import Episodes, Scored
+from creative_nao.envs.executors import FRAME_DT_S, Body, Mind, Performed, SharedScene
+from creative_nao.envs.memory_set import MemoryLike
 from creative_nao.envs.state import EnvState, generator_from, generator_state
+from creative_nao.envs.viewing import RENDER_MODES, Screen
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures import Criteria
 

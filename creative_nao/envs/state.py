@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.errors import FileFormatError, SettingsError
 from creative_nao.fields import Fields, shown
-from creative_nao.tensorfile import load_tensors, save_tensors
 
 KIND = "environment-state"
 MAX_COUNT = 10**9

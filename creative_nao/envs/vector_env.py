@@ -2,6 +2,9 @@
 
 The same trajectories, bit for bit, as separate copies of the same seeds in Gymnasium's Sync or Async vector
 environments.
+
+Also here:
+- The terms of many copies in Gymnasium's vector format: arrays over all copies, and who has a term.
 """
 
 from __future__ import annotations
@@ -14,17 +17,52 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from creative_nao.envs.bank import MemoryLike
-from creative_nao.envs.crew import Bodies, Crew
-from creative_nao.envs.episodes import Episodes, Scored, Weighed
-from creative_nao.envs.performers import FRAME_DT_S, Mind, Performed, SharedScene, check_arms
+from creative_nao.envs.episode_batch import Episodes, Scored, Weighed
+from creative_nao.envs.executors import FRAME_DT_S, Bodies, Crew, Mind, Performed, SharedScene, check_arms
+from creative_nao.envs.memory_set import MemoryLike
 from creative_nao.envs.repertoire_env import EPISODE_ACTIONS, caption_of, check_n_actions, checked_pb
-from creative_nao.envs.screen import Screen
 from creative_nao.envs.state import EnvState, generator_from, generator_state
-from creative_nao.envs.vector_infos import objects, rows, vector_terms
+from creative_nao.envs.viewing import Screen
 from creative_nao.errors import SettingsError
 from creative_nao.measures import Criteria
 from creative_nao.robot import PhysicalLimits
+
+
+def vector_terms(n: int, robots: np.ndarray, terms: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Return terms of some copies as arrays over all n, each with its mask ``_name``; others hold 0 or None.
+
+    Args:
+        n: Number of copies.
+        robots: Which copies have the terms, shape (m,), rising.
+        terms: Arrays over them, (m, ...), by name.
+    """
+    infos: dict[str, Any] = {}
+    if not len(robots):
+        return infos
+    for name, values in terms.items():
+        if len(robots) == n:
+            whole = values
+        else:
+            whole = (
+                np.full(n, None, object) if values.dtype == object else np.zeros((n, *values.shape[1:]), values.dtype)
+            )
+            whole[robots] = values
+        mask = np.zeros(n, bool)
+        mask[robots] = True
+        infos[name], infos[f"_{name}"] = whole, mask
+    return infos
+
+
+def objects(values: list[Any]) -> np.ndarray:
+    """Return values of any kind as an array of objects, (m,)."""
+    out = np.empty(len(values), object)
+    out[:] = values
+    return out
+
+
+def rows(terms: dict[str, np.ndarray], places: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the terms of some of the copies only."""
+    return {name: values[places] for name, values in terms.items()}
 
 
 class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):

@@ -1,22 +1,68 @@
-"""Jobs on a cluster: Dask distributed schedules them, this side keeps what is finished."""
+"""Jobs on a cluster: Dask distributed schedules them, this side keeps what is finished.
+
+Also here:
+- What a worker of a cluster does: one job in a process of its own, in an empty folder, its files handed back.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import os
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from creative_nao import __version__, atomic
+from creative_nao import __version__, storage
 from creative_nao.errors import MissingDependencyError, NotFoundError, SettingsError
-from creative_nao.evaluation.jobs import Job, read_result, write_result
-from creative_nao.evaluation.remote import do_job
-from creative_nao.evaluation.runner import JobError, Progress
+from creative_nao.evaluation.job_handlers import PARENT
+from creative_nao.evaluation.jobs import Job, job_from_plain, read_result, write_result, write_spec
+from creative_nao.evaluation.runner import ONE_THREAD, JobError, Progress
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+
+
+MISTAKE = 2
+"""Exit code of a job that will fail the same way again."""
+
+
+def do_job(values: dict[str, Any], files: dict[str, bytes]) -> dict[str, Any]:
+    """Do a job and return `result` with `files`, or `mistake` with what the job said.
+
+    Args:
+        values: The job, as `dataclasses.asdict` tells it.
+        files: Content of every file that the job reads, by its path in the run folder.
+
+    Raises:
+        RuntimeError: If the job's process died; the scheduler then tries again.
+    """
+    job = job_from_plain(values)
+    with tempfile.TemporaryDirectory(prefix="creative-nao-") as name:
+        folder = Path(name)
+        for path, content in files.items():
+            storage.write_bytes(folder / path, content)
+        spec = write_spec(job, folder)
+        done = subprocess.run(  # noqa: S603 - our own module, our own file
+            [sys.executable, "-m", "creative_nao.evaluation.job_handlers", str(spec), str(folder)],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, **ONE_THREAD, PARENT: str(os.getpid())},
+        )
+        said = next(reversed(done.stderr.strip().splitlines()), "it said nothing")
+        if done.returncode == MISTAKE:
+            return {"mistake": said}
+        result = read_result(job, folder)
+        if done.returncode != 0 or result is None:
+            raise RuntimeError(f"exit code {done.returncode}, {said}")
+        return {"result": result, "files": {path: (folder / path).read_bytes() for path in job.writes}}
+
 
 POLL_S = 0.2
 CONNECT_S = 10.0
@@ -124,7 +170,7 @@ class _Run:
                 self.failures[name] = found["mistake"]
                 continue
             for path, content in found["files"].items():
-                atomic.write_bytes(self.folder / path, content)
+                storage.write_bytes(self.folder / path, content)
             # The result last: a job that has one is never done again, so its files must be there.
             write_result(jobs[name], self.folder, found["result"])
             self.results[name] = found["result"]

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from creative_nao import atomic
+from creative_nao import storage
 from creative_nao.errors import CreativeNaoError
-from creative_nao.evaluation.entrants import check_entrant, trained_here
+from creative_nao.evaluation.resolve_agents import check_entrant, trained_here
 from creative_nao.evaluation.suites import Suite
 from creative_nao.fields import Fields, is_plain_name
-from creative_nao.untrusted import as_json, read_text
+from creative_nao.storage import as_json, read_text
 
 T = TypeVar("T")
 
@@ -122,12 +122,12 @@ def read_result(job: Job, folder: Path) -> dict[str, Any] | None:
 def write_result(job: Job, folder: Path, result: dict[str, Any]) -> None:
     """Write a job's result in one step."""
     text = json.dumps({"job": job.described(), "result": result}, allow_nan=False)
-    atomic.write_text(job.result_path(folder), text)
+    storage.write_text(job.result_path(folder), text)
 
 
 def write_spec(job: Job, folder: Path) -> Path:
     """Write what the job's process reads and return the path."""
-    return atomic.write_text(job.spec_path(folder), json.dumps(dataclasses.asdict(job), allow_nan=False))
+    return storage.write_text(job.spec_path(folder), json.dumps(dataclasses.asdict(job), allow_nan=False))
 
 
 def read_spec(path: Path) -> Job:

@@ -17,7 +17,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.spaces import Box
 
-from creative_nao import atomic
+from creative_nao import storage
 from creative_nao.agents.base import Agent, Context
 from creative_nao.errors import SettingsError
 
@@ -142,7 +142,7 @@ def write_episodes(path: str | Path, episodes: Iterable[Episode]) -> Path:
     for episode in episodes:
         keys = [getattr(episode, key) for key in EPISODE_KEYS]
         writer.writerows([*keys, *dataclasses.astuple(action)] for action in episode.actions)
-    return atomic.write_text(path, text.getvalue())
+    return storage.write_text(path, text.getvalue())
 
 
 def episode_to_json(episode: Episode) -> dict[str, Any]:

@@ -1,27 +1,222 @@
-"""`results.json`: a row per agent, environment and memory; figures are means with intervals, or null with a reason."""
+"""`results.json`: a row per agent, environment and memory; figures are means with intervals, or null with a reason.
+
+Also here:
+- Are the parts of a result file what they should be? It may be a stranger's: every figure is looked at before use.
+- Over all memories: each agent's mean, interquartile mean, profile and how it stands against the baseline.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from creative_nao import atomic
-from creative_nao.evaluation.entrants import actions_before, trained_here
+from creative_nao import storage
+from creative_nao.errors import CreativeNaoError, FileFormatError
 from creative_nao.evaluation.protocol import Episode, episode_from_json
-from creative_nao.evaluation.result_checks import check_rows
-from creative_nao.evaluation.statistics import estimate, iqm
+from creative_nao.evaluation.resolve_agents import actions_before, trained_here
+from creative_nao.evaluation.statistics import (
+    Estimate,
+    compare,
+    estimate,
+    estimate_over_tasks,
+    iqm,
+    performance_profile,
+    profile_band,
+)
 from creative_nao.evaluation.suites import Suite
-from creative_nao.evaluation.summary import summarise
 from creative_nao.fields import Fields
-from creative_nao.untrusted import as_json, read_text
+from creative_nao.storage import as_json, read_text
+
+MAX_ROWS = 100_000
+_LONGEST_TEXT = 20_000
+
+
+def check_rows(found: Fields, measured: tuple[str, ...]) -> None:
+    """Check the rows of a result file, as far as they have the fields of a suite's.
+
+    Args:
+        found: The file.
+        measured: Fields that hold a mean with an interval, or null.
+
+    Raises:
+        FileFormatError: Naming the row and the field.
+    """
+    found.text("suite")
+    for row in found.objects("rows", MAX_ROWS):
+        for name in row.values:
+            if name in ("agent", "env", "memory"):
+                row.text(name, longest=4_000)
+            elif name in ("n_seeds", "n_actions"):
+                row.whole(name, least=1)
+            elif name in measured:
+                _interval(row, name)
+            elif name == "reward_per_seed":
+                rewards = row.object(name)
+                for seed in rewards.values:
+                    if not seed.isdecimal() or len(seed) > 19:
+                        raise FileFormatError(f"{rewards.where} should be named by seeds, but has `{seed[:40]}`")
+                    rewards.number(seed)
+
+
+def check_summary(found: Fields) -> None:
+    """Check summary, record and baseline of a result file that is published.
+
+    Raises:
+        FileFormatError: Naming the entry and the field.
+    """
+    for entry in found.objects("summary", MAX_ROWS):
+        for name in ("agent", "env"):
+            entry.text(name, longest=4_000)
+        for name in ("n_memories", "n_seeds"):
+            entry.whole(name, least=1)
+        entry.whole("n_actions_training", least=0)
+        for name in ("reward_iqm", "reward", "oracle_share"):
+            _interval(entry, name)
+        if entry.any("reward_iqm") is None:
+            raise entry.refuse("reward_iqm", "a mean with an interval")
+        if entry.any("versus") is not None:
+            versus = entry.object("versus")
+            _interval(versus, "probability_of_improvement")
+            versus.whole("n_memories_ahead", least=0)
+    if found.any("baseline") is not None:
+        found.text("baseline")
+    record = found.object("record")
+    record.text("command", _LONGEST_TEXT)
+    versions = record.object("versions")
+    for name in ("creative-nao", *versions.values):
+        versions.text(name)
+    suite = record.object("settings").object("suite")
+    suite.whole("n_actions", least=1)
+    if "about" in suite:
+        suite.text("about", _LONGEST_TEXT)
+
+
+@contextlib.contextmanager
+def naming(what: str) -> Iterator[None]:
+    """Turn what goes wrong over the parts of a file that are looked at in passing into an error that names the file.
+
+    Args:
+        what: Beginning of the message.
+
+    Raises:
+        FileFormatError: In place of the errors of Python over a missing part or one of another kind.
+    """
+    try:
+        yield
+    except CreativeNaoError:
+        raise
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
+        raise FileFormatError(
+            f"{what}: a part is missing or of another kind ({type(error).__name__}: {error})"
+        ) from error
+
+
+def _interval(found: Fields, name: str) -> None:
+    if found.any(name) is None:
+        return
+    inner = found.object(name)
+    inner.number("mean")
+    if inner.any("low") is None and inner.any("high") is None:
+        return
+    inner.number("high", least=inner.number("low"))
+
+
+THRESHOLDS = tuple(round(0.05 * place, 2) for place in range(21))
+"""Shares of the oracle's reward at which a performance profile is read."""
+
+Row = Mapping[str, Any]
+
+
+def summarise(rows: Sequence[Row], *, baseline: str, base_seed: int) -> list[dict[str, Any]]:
+    """Return one entry per environment and agent, in the order of the rows.
+
+    Args:
+        rows: Rows of `results.json`.
+        baseline: The agent that the others are compared with, by their rewards on the same memories.
+        base_seed: Seed of the whole evaluation; decides the bootstrap samples.
+
+    Returns:
+        Entries with `agent`, `env`, `n_memories`, `n_seeds`, `n_actions_training`, `reward`, `reward_iqm`,
+        `oracle_share`, `oracle_share_iqm` and `profile` (the last three null without an oracle), and `versus`: null
+        for the baseline, else `baseline`, `probability_of_improvement`, `difference` (of the reward, with the memories
+        kept), `difference_other_memories` (with the memories drawn anew too) and `n_memories_ahead`.
+    """
+    pairs = dict.fromkeys((row["env"], row["agent"]) for row in rows)
+    return [_entry(rows, env, agent, baseline, base_seed) for env, agent in pairs]
+
+
+def reward_table(rows: Sequence[Row], env: str, agent: str) -> np.ndarray:
+    """Return an agent's rewards in an environment, shape (seeds, memories)."""
+    chosen = [row for row in rows if (row["env"], row["agent"]) == (env, agent)]
+    return np.array([list(row["reward_per_seed"].values()) for row in chosen], dtype=np.float64).T
+
+
+def oracle_row(rows: Sequence[Row], env: str, agent: str) -> np.ndarray | None:
+    """Return what the oracle earns on each memory, shape (memories,); None where one has no oracle or it earns 0."""
+    best = [row["oracle_reward"] for row in rows if (row["env"], row["agent"]) == (env, agent)]
+    return np.array(best) if all(best) else None
+
+
+def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: int) -> dict[str, Any]:
+    first = next(row for row in rows if (row["env"], row["agent"]) == (env, agent))
+    rewards, best = reward_table(rows, env, agent), oracle_row(rows, env, agent)
+
+    def rng(field: str) -> np.random.Generator:
+        return np.random.default_rng([base_seed, *(zlib.crc32(part.encode()) for part in (agent, env, field))])
+
+    entry: dict[str, Any] = {
+        "agent": agent,
+        "env": env,
+        "n_memories": rewards.shape[1],
+        "n_seeds": rewards.shape[0],
+        "n_actions_training": first["n_actions_training"],
+        "reward": plain(estimate(rewards, rng=rng("reward"))),
+        "reward_iqm": plain(estimate(rewards, rng=rng("reward_iqm"), statistic=iqm)),
+        "oracle_share": None,
+        "oracle_share_iqm": None,
+        "profile": None,
+        "versus": None,
+    }
+    if best is not None:
+        shares = rewards / best
+        low, high = profile_band(shares, np.array(THRESHOLDS), rng=rng("profile"))
+        entry |= {
+            "oracle_share": plain(estimate(shares, rng=rng("oracle_share"))),
+            "oracle_share_iqm": plain(estimate(shares, rng=rng("oracle_share_iqm"), statistic=iqm)),
+            "profile": {
+                "threshold": list(THRESHOLDS),
+                "share_above": performance_profile(shares, np.array(THRESHOLDS)).tolist(),
+                "low": low.tolist(),
+                "high": high.tolist(),
+            },
+        }
+    if agent != baseline and any((row["env"], row["agent"]) == (env, baseline) for row in rows):
+        theirs = reward_table(rows, env, baseline)
+        # The two agents' seeds are independent: any pairing has the same mean, and an interval that holds.
+        difference = rewards - theirs
+        entry["versus"] = {
+            "baseline": baseline,
+            "probability_of_improvement": plain(compare(rewards, theirs, rng=rng("improvement"))),
+            "difference": plain(estimate(difference, rng=rng("difference"))),
+            "difference_other_memories": plain(estimate_over_tasks(difference, rng=rng("other_memories"))),
+            "n_memories_ahead": int((difference.mean(axis=0) > 0.0).sum()),
+        }
+    return entry
+
+
+def plain(found: Estimate) -> dict[str, float | None]:
+    """Return an estimate as `results.json` holds it."""
+    return {"mean": found.value, "low": found.low, "high": found.high}
+
 
 MEASURED = ("appropriateness_pct", "novelty", "diversity", "reward", "oracle_share")
 """Fields of a row that are a mean with an interval, or null."""
@@ -129,7 +324,7 @@ def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[st
 
 def write_results(path: Path, results: dict[str, Any]) -> Path:
     """Write `results.json`: strict JSON, no NaN."""
-    return atomic.write_text(path, json.dumps(results, indent=2, allow_nan=False) + "\n")
+    return storage.write_text(path, json.dumps(results, indent=2, allow_nan=False) + "\n")
 
 
 def read_results(path: Path) -> dict[str, Any]:

@@ -1,4 +1,8 @@
-"""Jobs on one machine: a process each, some at a time; a killed one is tried again, a finished one never."""
+"""Jobs on one machine: a process each, some at a time; a killed one is tried again, a finished one never.
+
+Also here:
+- Where the jobs of an evaluation run: one interface, a machine or a cluster behind it, the same results.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +14,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-from creative_nao import atomic
+from creative_nao import storage
 from creative_nao.errors import CreativeNaoError, SettingsError
-from creative_nao.evaluation.job import PARENT
+from creative_nao.evaluation.job_handlers import PARENT
 from creative_nao.evaluation.jobs import Job, read_result, write_spec
+from creative_nao.runtime import usable_cores
 
 POLL_S = 0.1
 STOP_S = 5.0
@@ -130,7 +135,7 @@ class _Run:
             spec = write_spec(job, self.folder)
             with open(job.log_path(self.folder), "ab") as log:
                 process = subprocess.Popen(  # noqa: S603 - our own module, our own file
-                    [sys.executable, "-m", "creative_nao.evaluation.job", str(spec), str(self.folder)],
+                    [sys.executable, "-m", "creative_nao.evaluation.job_handlers", str(spec), str(self.folder)],
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=log,
@@ -175,7 +180,7 @@ class _Run:
             self._forget_progress(worker.job)
         self.workers.clear()
         for part in ("jobs", *{Path(path).parent for job in self.jobs for path in job.writes}):
-            atomic.sweep(self.folder / part)  # what a killed worker was about to write
+            storage.sweep(self.folder / part)  # what a killed worker was about to write
 
     def _forget_progress(self, job: Job) -> None:
         with contextlib.suppress(OSError):  # a folder that has vanished or turned read-only is told by who writes there
@@ -205,3 +210,46 @@ class _Run:
             running=tuple(worker.job.title for worker in self.workers),
             seconds_left=(total - done) / speed,
         )
+
+
+class Executor(Protocol):
+    """Does jobs: each in a process of its own, a killed one again, one with a result in the folder never."""
+
+    @property
+    def n_workers(self) -> int:
+        """Most jobs at a time, as far as is known beforehand."""
+        ...
+
+    def run(
+        self, jobs: Sequence[Job], folder: Path, on_progress: Callable[[Progress], None]
+    ) -> dict[str, dict[str, Any]]:
+        """Do all jobs and return their results by name.
+
+        Args:
+            jobs: Each after those it needs.
+            folder: Run folder, where results and files are written.
+            on_progress: Called several times a second.
+
+        Raises:
+            JobError: If a job failed at every attempt; the others are finished first.
+            KeyboardInterrupt: After Ctrl-C; finished results stay.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class LocalExecutor:
+    """This machine: an operating-system process per job."""
+
+    n_workers: int
+
+    @classmethod
+    def on_all_cores(cls) -> LocalExecutor:
+        """Return one that uses every core this process may use."""
+        return cls(usable_cores())
+
+    def run(
+        self, jobs: Sequence[Job], folder: Path, on_progress: Callable[[Progress], None]
+    ) -> dict[str, dict[str, Any]]:
+        """Do all jobs and return their results by name."""
+        return run_jobs(jobs, folder, n_workers=self.n_workers, on_progress=on_progress)

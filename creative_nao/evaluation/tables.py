@@ -1,15 +1,65 @@
-"""The results as one table: for the terminal and as Markdown."""
+"""Markdown pieces of the generated pages: paragraphs, tables, figures with intervals.
+
+Also here:
+- The results as one table: for the terminal and as Markdown.
+- `docs/leaderboard.md`: everyone's figures side by side, written from result files alone.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
 
-from creative_nao.evaluation.markdown import interval
+WIDTH = 120
+DASH = "\N{EN DASH}"
+
+
+def paragraph(*sentences: str) -> str:
+    """Return sentences as one wrapped paragraph."""
+    return textwrap.fill(" ".join(sentences), WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+def bullet(*sentences: str) -> str:
+    """Return sentences as one wrapped item of a list."""
+    return textwrap.fill(
+        " ".join(sentences),
+        WIDTH,
+        initial_indent="- ",
+        subsequent_indent="  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table whose first column is text and whose others are figures."""
+    lines = ["| " + " | ".join(titles) + " |", "| --- |" + " ---: |" * (len(titles) - 1)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
+
+
+def interval(found: Mapping[str, Any] | None, digits: int, *, scale: float = 1.0, sign: str = "") -> str:
+    """Return a figure with its interval as text; a dash where there is none.
+
+    Example:
+        >>> interval({"mean": 0.5, "low": 0.25, "high": 0.75}, 1, scale=100.0)
+        '50.0 [25.0, 75.0]'
+    """
+    if found is None:
+        return DASH
+    mean = f"{scale * found['mean']:{sign}.{digits}f}"
+    return mean if found["low"] is None else f"{mean} {span(found, digits, scale=scale, sign=sign)}"
+
+
+def span(found: Mapping[str, Any], digits: int, *, scale: float = 1.0, sign: str = "") -> str:
+    """Return an interval alone as text."""
+    if found["low"] is None:
+        return "unknown"
+    return f"[{scale * found['low']:{sign}.{digits}f}, {scale * found['high']:{sign}.{digits}f}]"
 
 
 @dataclass(frozen=True)
@@ -189,3 +239,98 @@ def _subject(results: Mapping[str, Any]) -> str:
     rows = results["rows"]
     memories = ", ".join(dict.fromkeys(row["memory"] for row in rows))
     return f"memory {memories}, {rows[0]['n_seeds']} seeds, {rows[0]['n_actions']} actions each"
+
+
+Results = Mapping[str, Any]
+COLUMNS = (
+    "agent",
+    "reward (IQM)",
+    "reward (mean)",
+    "of oracle [%]",
+    "beats the baseline [%]",
+    "ahead on",
+    "actions in training",
+)
+PACKAGES = ("numpy", "torch", "numba", "mujoco")
+
+PREFACE = (
+    "# Leaderboard",
+    paragraph(
+        "Who finds the most new, usable actions for the least trying? Everybody has the same budget of generated",
+        "actions in an episode. Figures are over all memories and seeds of a suite; in brackets stands the 95 %",
+        "stratified bootstrap interval (seeds drawn anew within each memory, widened for few seeds).",
+    ),
+    paragraph(
+        "Sorted by the interquartile mean (IQM: the mean of the middle half), which a few lucky episodes do not move.",
+        "*Of oracle*: share of what a greedy search earns that knows the whole map beforehand. *Beats the baseline*:",
+        "how probable it is that an episode of the agent earns more than one of the baseline on the same memory; 50 is",
+        "no difference. *Ahead on*: memories on which its mean is higher.",
+    ),
+    paragraph(
+        "This page is written by `creative-nao evaluate leaderboard` from the files named below;",
+        "`creative-nao evaluate verify FILE` plays a sample of their episodes again and says whether they hold.",
+    ),
+)
+ENTERING = (
+    "## Enter your own",
+    "Name your agent's bundle file and run the suite; everything else stays as it is:",
+    "```sh\n"
+    "creative-nao evaluate search --agents supervised,my_agent.safetensors --out runs/mine\n"
+    "creative-nao evaluate verify runs/mine/results.json\n"
+    "creative-nao evaluate leaderboard runs/mine\n"
+    "```",
+    paragraph(
+        "A suite is a TOML file, so a comparison of your own is one too: `creative-nao evaluate my_suite.toml`. The",
+        "shipped ones are in `creative_nao/evaluation/suites/`. Agents must not be trained or tuned on the bank's test",
+        "memories.",
+    ),
+)
+
+
+def leaderboard(published: Mapping[str, Results]) -> str:
+    """Return the page as Markdown.
+
+    Args:
+        published: Content of each result file, by its path as seen from the page.
+    """
+    suites = [block for path, results in published.items() for block in _suite(path, results)]
+    return "\n\n".join([*PREFACE, *suites, *ENTERING]) + "\n"
+
+
+def _suite(path: str, results: Results) -> list[str]:
+    record = results["record"]
+    suite = record["settings"]["suite"]
+    blocks = [f"## Suite `{results['suite']}`"]
+    if suite.get("about"):
+        blocks.append(paragraph(suite["about"]))
+    for env in dict.fromkeys(entry["env"] for entry in results["summary"]):
+        entries = [entry for entry in results["summary"] if entry["env"] == env]
+        entries.sort(key=lambda entry: -entry["reward_iqm"]["mean"])
+        memories = f"{entries[0]['n_memories']} {'memory' if entries[0]['n_memories'] == 1 else 'memories'}"
+        blocks += [
+            f"### {env_label(env).capitalize()}: {memories}, {entries[0]['n_seeds']} seeds, "
+            f"{suite['n_actions']} actions an episode",
+            table(COLUMNS, [_line(entry, results["baseline"]) for entry in entries]),
+        ]
+    versions = record["versions"]
+    made_with = ", ".join(f"{name} {versions[name]}" for name in PACKAGES if name in versions)
+    blocks.append(
+        paragraph(
+            f"From [{path}]({path}), made by `{record['command']}`",
+            f"with creative-nao {versions['creative-nao']} ({made_with}).",
+        )
+    )
+    return blocks
+
+
+def _line(entry: Mapping[str, Any], baseline: str | None) -> list[str]:
+    versus = entry["versus"]
+    return [
+        entry["agent"] + (" (baseline)" if entry["agent"] == baseline else ""),
+        interval(entry["reward_iqm"], 2),
+        interval(entry["reward"], 2),
+        interval(entry["oracle_share"], 1, scale=100.0),
+        interval(versus and versus["probability_of_improvement"], 0, scale=100.0),
+        f"{versus['n_memories_ahead']} of {entry['n_memories']}" if versus else DASH,
+        f"{entry['n_actions_training']:,}",
+    ]

@@ -13,17 +13,14 @@ from typing import Any
 import numpy as np
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
-from creative_nao.evaluation.executors import Executor, LocalExecutor
-from creative_nao.evaluation.folder import input_hashes, read_record
 from creative_nao.evaluation.jobs import Job, plan
 from creative_nao.evaluation.protocol import episode_from_json
-from creative_nao.evaluation.result_checks import naming
-from creative_nao.evaluation.results import read_results
-from creative_nao.evaluation.runner import Progress
+from creative_nao.evaluation.results import naming, read_results, summarise
+from creative_nao.evaluation.run import input_hashes, read_record
+from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import Suite, refuse_modules, suite_from_values
-from creative_nao.evaluation.summary import summarise
 from creative_nao.fields import Fields
-from creative_nao.provenance import versions
+from creative_nao.runtime import versions
 
 TOLERANCE = 0.01
 """Largest relative difference of an episode's reward where versions or the processor differ: 1 %."""

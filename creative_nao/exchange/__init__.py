@@ -8,8 +8,7 @@
 """
 
 from creative_nao.exchange.formats import FORMATS, Exported, format_for, read, recognise, write
-from creative_nao.exchange.keys import Recording
-from creative_nao.exchange.motion import Motion
+from creative_nao.exchange.keys import Motion, Recording
 from creative_nao.exchange.safety import UNSAFE, Finding, Unsafe, UnsafeMotionError, inspect, made_safe
 
 __all__ = [

@@ -8,11 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from creative_nao import atomic
+from creative_nao import storage
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
-from creative_nao.exchange import key_lists, naoqi_script, python_keys, reading, ros_trajectory, tables, webots_motion
-from creative_nao.exchange.keys import Keys, Recording, to_motion
-from creative_nao.exchange.motion import Motion
+from creative_nao.exchange import choregraphe, keys, ros, tables
+from creative_nao.exchange.keys import Keys, Motion, Recording, to_motion
 from creative_nao.exchange.safety import Unsafe, made_safe
 from creative_nao.joints import JOINTS
 
@@ -33,12 +32,12 @@ class Format:
 FORMATS: dict[str, Format] = {
     "csv": Format((".csv",), tables.write_csv, tables.read_csv, "table, for `train` and `score`", False, False),
     "npz": Format((".npz",), tables.write_npz, tables.read_npz, "NumPy arrays, no pickle", True, False),
-    "naoqi": Format((".py",), naoqi_script.write_script, python_keys.read_python, "program for the robot", True, True),
-    "json": Format((".json",), key_lists.write_json, key_lists.read_json, "the lists NAOqi takes", True, True),
+    "naoqi": Format((".py",), choregraphe.write_script, choregraphe.read_python, "program for the robot", True, True),
+    "json": Format((".json",), choregraphe.write_json, choregraphe.read_json, "the lists NAOqi takes", True, True),
     "ros": Format(
-        (".yaml", ".yml", ".json"), ros_trajectory.write_ros, ros_trajectory.read_ros, "JointTrajectory", False, True
+        (".yaml", ".yml", ".json"), ros.write_ros, ros.read_ros, "JointTrajectory", False, True
     ),
-    "webots": Format((".motion",), webots_motion.write_motion, webots_motion.read_motion, "Webots motion", False, True),
+    "webots": Format((".motion",), tables.write_motion, tables.read_motion, "Webots motion", False, True),
 }  # fmt: skip
 """Every format by name."""
 
@@ -113,7 +112,7 @@ def write(
     record = None
     if safe.metadata and not one.holds_metadata and path.suffix.lower() not in _YAML:
         record = path.with_name(path.name + ".record.json")
-        atomic.write_text(record, json.dumps(safe.metadata, indent=2) + "\n")
+        storage.write_text(record, json.dumps(safe.metadata, indent=2) + "\n")
     return Exported(path, name, safe, tuple(changes), tuple(notes), record)
 
 
@@ -126,7 +125,7 @@ def recognise(path: str | os.PathLike[str], content: bytes) -> str:
     start = content[:4096].lstrip(b"\xef\xbb\xbf \t\r\n")
     if start.startswith(b"PK\x03\x04"):
         return "npz"
-    if start.startswith(webots_motion.MARK.encode()):
+    if start.startswith(tables.MARK.encode()):
         return "webots"
     if start.startswith(b"{"):
         return "ros" if b'"joint_names"' in content and b'"points"' in content else "json"
@@ -164,7 +163,7 @@ def read(
         FileFormatError: If the file does not hold a movement; the message names the file, the part and the reason.
     """
     path = Path(path)
-    content = reading.read_bytes(path)
+    content = keys.read_bytes(path)
     name = recognise(path, content) if format is None else format
     if name not in FORMATS:
         raise NotFoundError(f"no format `{name}`{nearest_name(name, FORMATS)}; there are {', '.join(FORMATS)}.")

@@ -2,23 +2,202 @@
 
 Joint names may come in any order; the unit of the angles is recognised; everything that was recognised, left out or
 changed on the way is said in notes.
+
+Also here:
+- A movement on its way to a file: angles, tick, joints, and what is known about where it comes from.
+- Text and JSON from files that anybody may have made: bounded in size and depth, one clear error for every fault.
 """
 
 from __future__ import annotations
 
+import json
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from creative_nao.demonstrations.csv_format import LARGEST_TIME_S, SHORTEST_STEP_S
+from creative_nao import storage
 from creative_nao.demonstrations.dataset import DEGREES_FROM_RAD, LIMIT_TOLERANCE_RAD
+from creative_nao.demonstrations.files import LARGEST_TIME_S, SHORTEST_STEP_S
 from creative_nao.demonstrations.keyframes import DT_S
 from creative_nao.demonstrations.resampling import monotone_cubic, n_ticks, resample
-from creative_nao.errors import FileFormatError, SettingsError, nearest_name
-from creative_nao.exchange.motion import Motion
-from creative_nao.joints import LIMITS_RAD
+from creative_nao.errors import FileFormatError, SettingsError, ShapeError, nearest_name
+from creative_nao.fields import Fields
+from creative_nao.joints import JOINTS, LIMITS_RAD
+
+CYCLE_S = 0.010
+"""Cycle of the robot's device controller [s]; ticks made here are whole numbers of it."""
+
+APPROACH_SPEED_RAD_S = 1.5
+"""Largest speed on the way to the first posture: less than a quarter of what the slowest joint can do."""
+
+MIN_LEAD_S = 1.0
+"""Shortest time for that way [s]."""
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A trajectory with its tick, checked once when it is made.
+
+    Attributes:
+        angles: Joint angles [rad], shape (n_steps, n_joints), float64, finite; at least one row.
+        dt_s: Time from one posture to the next [s].
+        joints: Name of each column.
+        metadata: Source, memory, PB value, command, versions, ...; plain JSON values.
+
+    Raises:
+        ShapeError: If `angles` is not such an array.
+        SettingsError: If `dt_s` is not positive, a name is not plain ASCII or repeats, or `metadata` is not JSON.
+
+    Example:
+        >>> Motion(np.zeros((3, 1)), 0.1, ("RElbowYaw",)).duration_s
+        0.2
+    """
+
+    angles: np.ndarray
+    dt_s: float
+    joints: tuple[str, ...] = JOINTS
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check everything, and keep an own copy in float64."""
+        object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "dt_s", float(self.dt_s))
+        angles = np.array(self.angles, dtype=np.float64)
+        if angles.ndim != 2 or angles.shape[1] != len(self.joints) or len(angles) < 1:
+            raise ShapeError(
+                f"`angles` should have shape (n_steps, {len(self.joints)}), one column for each of "
+                f"{', '.join(self.joints)}, but has {angles.shape}."
+            )
+        broken = np.argwhere(~np.isfinite(angles))
+        if len(broken):
+            row, column = broken[0]
+            raise ShapeError(f"`angles` should be finite, but {self.joints[column]} at step {row} is not a number.")
+        if not (math.isfinite(self.dt_s) and self.dt_s > 0):
+            raise SettingsError(f"`dt_s` should be a positive number of seconds, but is {self.dt_s}.")
+        for name in self.joints:
+            if not (name.isascii() and name.replace("_", "a").replace("/", "a").isalnum()):
+                raise SettingsError(f"`joints`: a name should be ASCII letters, digits, _ and /, but one is {name!r}.")
+        if len(set(self.joints)) < len(self.joints):
+            raise SettingsError(f"`joints` should not repeat a name, but is {self.joints}.")
+        try:
+            json.dumps(self.metadata, allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise SettingsError(f"`metadata` should hold plain JSON values only: {error}.") from None
+        object.__setattr__(self, "angles", angles)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first posture to the last [s]."""
+        return (len(self.angles) - 1) * self.dt_s
+
+    def times_s(self, start_s: float = 0.0) -> list[float]:
+        """Return when each posture is reached if the first one is at `start_s` [s], to the nanosecond."""
+        return [round(start_s + step * self.dt_s, 9) for step in range(len(self.angles))]
+
+    def lead_s(self) -> float:
+        """Return how long the way to the first posture takes at a safe speed, wherever in its range each joint stands.
+
+        A robot that gets this movement must not jump to its first posture, and a file cannot know where the robot is.
+
+        Returns:
+            Seconds, a whole number of cycles, at least `MIN_LEAD_S`.
+        """
+        farthest = 0.0
+        for joint, angle in zip(self.joints, self.angles[0], strict=True):
+            low, high = LIMITS_RAD.get(joint, (angle, angle))
+            farthest = max(farthest, angle - low, high - angle)
+        seconds = max(MIN_LEAD_S, farthest / APPROACH_SPEED_RAD_S)
+        return round(math.ceil(seconds / CYCLE_S - _ROUNDING) * CYCLE_S, 9)
+
+
+MAX_FILE_BYTES = 20_000_000
+"""Larger files are refused before they are read."""
+
+
+def read_bytes(path: Path, largest: int = MAX_FILE_BYTES) -> bytes:
+    """Return the content of a file of at most `largest` bytes.
+
+    Raises:
+        NotFoundError: If there is no such file.
+        FileFormatError: If it is larger, or empty.
+    """
+    content = storage.read_bytes(path, "movement", largest)
+    if not content.strip():
+        raise FileFormatError(f"{path}: is empty, expected a movement.")
+    return content
+
+
+def as_text(path: Path, content: bytes) -> str:
+    """Return UTF-8 text.
+
+    Raises:
+        FileFormatError: If it is not.
+    """
+    return storage.as_text(content, str(path), "movement")
+
+
+def as_json(path: Path, text: str) -> dict[str, Any]:
+    """Return the object that JSON text holds.
+
+    Raises:
+        FileFormatError: If it is torn, nested too deeply, holds NaN, or is not an object.
+    """
+    return Fields(storage.as_json(text, str(path)), str(path)).values
+
+
+def number(value: object, path: Path, where: str) -> float:
+    """Return a value as a finite number; `where` tells the message what it is.
+
+    Raises:
+        FileFormatError: If it is text, a truth value, not finite, or anything else.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise FileFormatError(f"{path}: {where} is {_shown(value)}, expected a number.")
+    try:
+        found = float(value)
+    except OverflowError:
+        found = math.inf
+    if not math.isfinite(found):
+        raise FileFormatError(f"{path}: {where} is {_shown(value)}, expected a finite number.")
+    return found
+
+
+def listed(value: object, path: Path, where: str) -> list[Any]:
+    """Return a value that should be a list (or a tuple), as a list.
+
+    Raises:
+        FileFormatError: If it is anything else.
+    """
+    if not isinstance(value, list | tuple):
+        raise FileFormatError(f"{path}: {where} should be a list, but is {_shown(value)}.")
+    return list(value)
+
+
+def names(value: object, path: Path, where: str) -> tuple[str, ...]:
+    """Return a list of joint names.
+
+    Raises:
+        FileFormatError: If it is not a list of texts, or is empty.
+    """
+    found = listed(value, path, where)
+    if not found or not all(isinstance(name, str) for name in found):
+        raise FileFormatError(f"{path}: {where} should be a list of joint names, but is {_shown(value)}.")
+    return tuple(found)
+
+
+def _shown(value: object) -> str:
+    """Return the beginning of a value for a message; the whole one may be huge."""
+    if isinstance(value, list | tuple | dict):
+        return f"a {type(value).__name__} of {len(value)}"
+    if isinstance(value, int) and abs(value) > 10**30:
+        return "a huge whole number"
+    return repr(value)[:60]
+
 
 MAX_POSTURES = 20_000
 """Longest movement that is read, in postures."""

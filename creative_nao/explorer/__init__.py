@@ -23,7 +23,7 @@
 Only what stands on the page needs the extra `explore`.
 """
 
-from creative_nao.explorer.maps import cached_map
-from creative_nao.explorer.mind import Mind, Recall
+from creative_nao.explorer.memory_service import Mind, Recall
+from creative_nao.explorer.registry import cached_map
 
 __all__ = ["Mind", "Recall", "cached_map"]

@@ -1,16 +1,68 @@
-"""What the colours of the map may tell: nearest action, outcome, every measure, and what the body makes of it."""
+"""Work that takes seconds: how far it is, and calling it off when nobody waits for it any more.
+
+Also here:
+- What the colours of the map may tell: nearest action, outcome, every measure, and what the body makes of it.
+- Patterns of what cannot be used, so that no outcome is told by colour alone.
+- The legend below the map as HTML: swatches with their patterns, or the scale of a measure with its unit.
+- The number that each cell of a map has in a colouring, worked out when somebody asks for it.
+- A window of the map in cells finer than the map's own: the network asked and scored anew.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+import html
+import io
+import threading
+from base64 import b64encode
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from PIL import Image
 
-from creative_nao.envs.physical_chart import FIGURES, PhysicalMap
+from creative_nao.envs.physical_map import FIGURES, PhysicalMap
 from creative_nao.errors import NotFoundError, nearest_name
-from creative_nao.pb_space import COLOURINGS, PBMap
-from creative_nao.pb_space.palette import INK, UNUSABLE, action_colour, rgb
-from creative_nao.pb_space.picture import map_image, measure_image, measure_span
+from creative_nao.explorer.memory_service import BODY_WORDS, OUTCOME_WORDS, spoken
+from creative_nao.explorer.view import View
+from creative_nao.maps import COLOURINGS, PBMap, colour_values
+from creative_nao.maps.colours import INK, PAPER_WHITE, UNUSABLE, action_colour, action_letter, rgb
+from creative_nao.maps.picture import MEASURE_COLOURS, map_image, measure_image, measure_span
+from creative_nao.measures import OUTCOMES, score, unexpectedness
+from creative_nao.model import Memory
+
+
+class Work:
+    """One computation in a thread, watched from the page.
+
+    Attributes:
+        share: How much of it is done, 0 to 1.
+    """
+
+    def __init__(self) -> None:
+        self.share = 0.0
+        self.called_off = False
+
+    def call_off(self) -> None:
+        """Let it end at its next step; what it then returns is None."""
+        self.called_off = True
+
+    def rows(self, n: int, block: int, begin: float = 0.0, end: float = 1.0) -> Iterator[slice]:
+        """Give the rows of n things block by block, until they are done or the work is called off.
+
+        Args:
+            n: How many there are.
+            block: How many at a time.
+            begin: The share of the work done before the first of them.
+            end: The share done after the last.
+        """
+        for start in range(0, n, block):
+            if self.called_off:
+                return
+            yield slice(start, min(start + block, n))
+            self.share = begin + (end - begin) * min(start + block, n) / n
+
 
 Chart = PBMap | PhysicalMap
 
@@ -134,3 +186,207 @@ def swatches(chart: Chart, colour: str, letters: list[str], words: dict[str, str
         if share > 0:
             found.append(Swatch(f"{words[name]} {share:.1f} %", outcome=name))
     return found
+
+
+PERIOD_PX = 8
+STRENGTH = 0.35
+"""How far the lines of a pattern are drawn towards white."""
+_MIDDLE = PERIOD_PX // 2
+
+
+def _dots(up: np.ndarray, across: np.ndarray, radius_squared: float) -> np.ndarray:
+    return (up % PERIOD_PX - _MIDDLE) ** 2 + (across % PERIOD_PX - _MIDDLE) ** 2 <= radius_squared
+
+
+PATTERNS: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
+    "fluctuating": lambda up, across: (up + across) % PERIOD_PX == 0,
+    "non_moving": lambda up, across: (up - across) % PERIOD_PX == 0,
+    "joint_limit": lambda up, across: across % PERIOD_PX == 0,
+    "tracking_error": lambda up, across: up % PERIOD_PX == 0,
+    "fell": lambda up, across: ((up + across) % PERIOD_PX == 0) | ((up - across) % PERIOD_PX == 0),
+    "self_collision": lambda up, across: _dots(up, across, 5.0),
+    "torque_saturated": lambda up, across: _dots(up, across, 1.0),
+}
+"""By outcome: whether a pixel belongs to the pattern, from its row and its column."""
+
+
+def hatch(pixels: np.ndarray, where: np.ndarray, outcome: str) -> None:
+    """Draw the pattern of an outcome into a picture, (height, width, 3) in [0, 1], where `where` is true."""
+    rows, columns = np.mgrid[: pixels.shape[0], : pixels.shape[1]]
+    lines = where & PATTERNS[outcome](rows, columns)
+    pixels[lines] = (1 - STRENGTH) * pixels[lines] + STRENGTH
+
+
+def sample(outcome: str, width: int, height: int) -> np.ndarray:
+    """Return a small picture of an outcome's colour and pattern, (height, width, 3) in [0, 1]."""
+    pixels = np.tile(np.array(rgb(UNUSABLE[outcome][0])), (height, width, 1))
+    hatch(pixels, np.ones((height, width), bool), outcome)
+    return pixels
+
+
+SWATCH_W, SWATCH_H = 22, 14
+_STOPS = 9
+
+
+def legend_html(chart: Chart, colour: str, scale: Scale | None = None) -> str:
+    """Return the legend of a colouring; names that come from a memory's file are escaped.
+
+    Args:
+        chart: The map of the whole PB space, mental or physical.
+        colour: A name of `colours.NAMES`.
+        scale: The scale of a colouring that is a number.
+    """
+    letters = [f"{action_letter(place)} {spoken(name)}" for place, name in enumerate(chart.names)]
+    parts = []
+    if is_number(colour) and scale is not None:
+        parts.append(
+            f'<div class="cn-scale"><span>{scale.low:.3g}</span>'
+            f'<span class="cn-ramp" style="background:linear-gradient(to right, {", ".join(_ramp())})"></span>'
+            f"<span>{scale.high:.3g}</span><span>{html.escape(scale.label)}</span></div>"
+        )
+    faded = colour == NEAREST
+    parts += [_entry(one, faded) for one in swatches(chart, colour, letters, {**OUTCOME_WORDS, **BODY_WORDS})]
+    told = "strong: like the basic action, faint: new" if faded else ", ".join(letters)
+    parts.append(f"<span>{html.escape(told)}</span><span>lines: where a basic action comes back</span>")
+    return f'<div class="cn-swatches">{"".join(parts)}</div>'
+
+
+def _entry(swatch: Swatch, faded: bool) -> str:
+    look = swatch.colour or f"url({_sample_address(swatch.outcome)})"
+    if faded and swatch.colour:
+        look = f"linear-gradient(to right, {look}, {PAPER_WHITE})"
+    return f'<span><i style="background:{look}"></i>{html.escape(swatch.text)}</span>'
+
+
+@cache
+def _sample_address(outcome: str) -> str:
+    stream = io.BytesIO()
+    pixels = np.round(255 * sample(outcome, SWATCH_W, SWATCH_H)).astype(np.uint8)
+    Image.fromarray(pixels).save(stream, format="PNG")
+    return f"data:image/png;base64,{b64encode(stream.getvalue()).decode()}"
+
+
+@cache
+def _ramp() -> tuple[str, ...]:
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return tuple(to_hex(one) for one in colormaps[MEASURE_COLOURS](np.linspace(0, 1, _STOPS)))
+
+
+BLOCK = 512
+"""Movements made at a time: few enough that a click in between is answered at once."""
+MAKING = 0.5
+"""Share of the work after which all movements are made; what is left is comparing them."""
+
+
+def measured(memory: Memory, chart: PBMap, colour: str, whole: PBMap, work: Work) -> np.ndarray | None:
+    """Return the number of each cell, shape (n,), as `pb_space.colour_values` defines it; None if called off.
+
+    Args:
+        memory: Makes the movements again where the map does not hold them.
+        chart: The cells.
+        colour: A name of `pb_space.COLOURINGS`.
+        whole: The map of the whole PB space: what an unexpected movement is compared with.
+        work: The work, to be watched and called off.
+    """
+    if colour == "unexpectedness":
+        usable = whole.distance[whole.appropriate]
+        return unexpectedness(chart.distance, usable if len(usable) else whole.distance)
+    if needs_movements(colour) and chart.trajectories is None:
+        made = np.empty((len(chart.pb), memory.n_steps, len(memory.joints)))
+        for rows in work.rows(len(made), BLOCK, end=MAKING):
+            made[rows] = memory.generate(chart.pb[rows])
+        chart = dataclasses.replace(chart, trajectories=made, dt_s=memory.dt_s)
+    if work.called_off:
+        return None
+    values = colour_values(chart, colour)[0]
+    work.share = 1.0
+    return values
+
+
+class Measurements:
+    """The numbers of the whole map that were asked for so far, worked out once for all tabs.
+
+    Args:
+        memory: The memory of the map.
+    """
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self._known: dict[tuple[str, int], np.ndarray] = {}
+        self._lock = threading.Lock()
+
+    def known(self, chart: PBMap, colour: str) -> np.ndarray | None:
+        """Return the numbers if they were worked out before."""
+        return self._known.get((colour, chart.resolution))
+
+    def values(self, chart: PBMap, colour: str, work: Work) -> np.ndarray | None:
+        """Return the numbers of the whole map, shape (n,); None if called off."""
+        with self._lock:
+            found = self.known(chart, colour)
+            if found is None and not work.called_off:
+                found = measured(self._memory, chart, colour, chart, work)
+                if found is not None:
+                    self._known[colour, chart.resolution] = found
+            return found
+
+
+LEVELS = (50, 200)
+"""Cells along each side of the window, one after the other: the first is there at once, the last as fine as the map."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """The cells of a window.
+
+    Attributes:
+        view: What they cover.
+        chart: They, scored, without their movements.
+        values: The number of each cell by the colouring that it belongs to.
+    """
+
+    view: View
+    chart: PBMap
+    values: dict[str, np.ndarray]
+
+
+def finer_sheet(memory: Memory, whole: PBMap, view: View, n: int, colour: str, work: Work) -> Sheet | None:
+    """Generate and score `n` x `n` cells of a window; None if called off.
+
+    Args:
+        memory: The memory.
+        whole: Its map of the whole PB space.
+        view: The window, within [-1, 1].
+        n: Cells along each side.
+        colour: What the colours tell: its number is worked out from the same movements.
+        work: The work, to be watched and called off.
+    """
+    pb = view.grid(n)
+    kept = np.empty((n * n, memory.n_steps, len(memory.joints))) if needs_movements(colour) else None
+    outcome = np.empty(n * n, dtype=f"<U{max(map(len, OUTCOMES))}")
+    nearest, distance = np.empty(n * n, dtype=np.int64), np.empty(n * n)
+    for rows in work.rows(n * n, BLOCK, end=0.8):
+        made = memory.generate(pb[rows])
+        scores = score(made, memory.demonstrations)
+        outcome[rows], nearest[rows], distance[rows] = scores.outcome, scores.nearest, scores.novelty
+        if kept is not None:
+            kept[rows] = made
+    if work.called_off:
+        return None
+    settings = {"memory": memory.name, "resolution": n, "view": [view.left, view.bottom, view.width]}
+
+    def chart(trajectories: np.ndarray | None) -> PBMap:
+        return PBMap(
+            n, pb, outcome, nearest, distance, whole.learned_pb, whole.names, {"settings": settings},
+            trajectories, memory.dt_s,
+        )  # fmt: skip
+
+    values = {}
+    if is_number(colour) and not is_of_body(colour):
+        number = measured(memory, chart(kept), colour, whole, work)
+        if number is None:
+            return None
+        values[colour] = number
+    work.share = 1.0
+    return Sheet(view, chart(None), values)

@@ -1,22 +1,157 @@
-"""The map of one memory in a tab: its picture, its legend, and what lies under the pointer."""
+"""The map as a picture to touch: its pixels, and the marks upon it.
+
+Also here:
+- The map of one memory in a tab: its picture, its legend, and what lies under the pointer.
+- How the maps of a tab look: which window, in which colours; what is not known yet is worked out beside.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import io
+from base64 import b64encode
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from nicegui import events, run, ui
+from PIL import Image
 
-from creative_nao.explorer.colours import NEAREST, Chart, Scale, figure_of_body, is_number, is_of_body, scale_label
-from creative_nao.explorer.finer import Sheet
-from creative_nao.explorer.legend import legend_html
-from creative_nao.explorer.map_view import map_address, overlay
-from creative_nao.explorer.subject import Subject
+from creative_nao.explorer.colours import (
+    LEVELS,
+    NEAREST,
+    PATTERNS,
+    Chart,
+    Scale,
+    Sheet,
+    Work,
+    cell_colours,
+    figure_of_body,
+    finer_sheet,
+    hatch,
+    is_number,
+    is_of_body,
+    legend_html,
+    measured,
+    scale_label,
+    spans,
+)
+from creative_nao.explorer.memory_service import BODY_WORDS, OUTCOME_WORDS, spoken
+from creative_nao.explorer.registry import Subject
 from creative_nao.explorer.view import SIZE, View, cell_of
-from creative_nao.explorer.words import BODY_WORDS, OUTCOME_WORDS, spoken
+from creative_nao.maps.colours import INK, action_letter, rgb
 
 if TYPE_CHECKING:
     from creative_nao.explorer.page import Tab
+
+
+class Mark(NamedTuple):
+    """A letter on the map: where in the PB space, and what it says."""
+
+    pb: tuple[float, float]
+    letter: str
+
+
+def map_picture(
+    chart: Chart,
+    colour: str = NEAREST,
+    view: View | None = None,
+    values: np.ndarray | None = None,
+    span: tuple[float, float] | None = None,
+) -> Image.Image:
+    """Draw what a view shows of a map, `SIZE` pixels along each side, PB 2 upwards.
+
+    Regions of learned movements have dark borders and what cannot be used is hatched, so that nothing is told by
+    colour alone.
+
+    Args:
+        chart: The map; cells beyond its edge repeat the last.
+        colour: What its colours tell, a name of `colours.NAMES`.
+        view: Which square of the PB space; default: all that the map covers.
+        values: The number of each cell, where the colouring is one.
+        span: Values at the ends of its scale.
+
+    Raises:
+        NotFoundError: If there is no such colouring.
+    """
+    n = chart.resolution
+    rows, columns = (View.of(chart) if view is None else view).cells(chart)
+    seen = np.ix_(rows, columns)
+    pixels = cell_colours(chart, colour, values, span)[seen]
+    outcome = chart.outcome.reshape(n, n)[seen]
+    for name in PATTERNS:
+        where = outcome == name
+        if where.any():
+            hatch(pixels, where, name)
+    pixels[borders(chart, rows, columns)] = rgb(INK)
+    return Image.fromarray(np.round(255 * pixels).astype(np.uint8))
+
+
+def borders(chart: Chart, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Tell which pixels border a region of learned movements, by the rows and the columns of cells under them."""
+    n = chart.resolution
+    region = np.where(chart.outcome == "learned", chart.nearest, -1).reshape(n, n)[np.ix_(rows, columns)]
+    found = np.zeros(region.shape, bool)
+    found[1:] |= region[1:] != region[:-1]
+    found[:, 1:] |= region[:, 1:] != region[:, :-1]
+    return found
+
+
+def map_address(
+    chart: Chart,
+    colour: str = NEAREST,
+    view: View | None = None,
+    values: np.ndarray | None = None,
+    span: tuple[float, float] | None = None,
+) -> str:
+    """Return the picture of `map_picture` as a data address, so that showing it needs no room on a disk."""
+    stream = io.BytesIO()
+    map_picture(chart, colour, view, values, span).quantize(256).save(stream, format="PNG")
+    return f"data:image/png;base64,{b64encode(stream.getvalue()).decode()}"
+
+
+def overlay(
+    view: View,
+    learned_pb: np.ndarray,
+    points: np.ndarray,
+    marks: Sequence[Mark] = (),
+    crowd: np.ndarray | None = None,
+) -> str:
+    """Return the marks as SVG: letters of the basic actions, others' points, and where we are.
+
+    Args:
+        view: What the map below shows; marks outside are left out.
+        learned_pb: Where the basic actions lie, shape (n_actions, 2).
+        points: Where the movement shown comes from, shape (n, 2); more than one are a path.
+        marks: More letters, for instance of favourites.
+        crowd: Points of others, such as an agent's choices, shape (n, 2).
+    """
+    parts = []
+    for pb in () if crowd is None else crowd:
+        if view.shows(pb):
+            x, y = view.to_pixel(pb)
+            parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="white" stroke="black" stroke-width="1.5"/>')
+    letters = [Mark((float(p[0]), float(p[1])), action_letter(place)) for place, p in enumerate(learned_pb)]
+    for mark in (*letters, *marks):
+        if view.shows(mark.pb):
+            x, y = view.to_pixel(mark.pb)
+            parts.append(
+                f'<text x="{x:.1f}" y="{y:.1f}" dy="0.35em" text-anchor="middle" font-size="26" font-weight="bold" '
+                f'fill="white" stroke="black" stroke-width="5" paint-order="stroke">{mark.letter}</text>'
+            )
+    places = [view.to_pixel(pb) for pb in points]
+    if len(places) > 1:
+        line = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+        for colour, width in (("white", 6), ("black", 2.5)):
+            parts.append(f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-width="{width}"/>')
+    if len(points) and view.shows(points[-1]):
+        x, y = places[-1]
+        for colour, width in (("white", 6), ("black", 2.5)):
+            parts.append(
+                f'<circle cx="{x:.1f}" cy="{y:.1f}" r="11" fill="none" stroke="{colour}" stroke-width="{width}"/>'
+            )
+    return "".join(parts)
+
 
 KEYS_HELP = "arrow keys move by one cell, with Shift by ten; 1 to 6 go to a basic action; plus and minus zoom, 0 shows "
 KEYS_HELP += "the whole map; Space pauses; R surprises; S keeps; U goes back"
@@ -148,3 +283,111 @@ def as_pixel(value: object) -> float:
     """Return a pixel from anything a browser sends; what is no number counts as the middle of the map."""
     fits = isinstance(value, int | float) and value == value
     return float(min(max(value, 0), SIZE)) if fits else SIZE / 2  # type: ignore[type-var]
+
+
+class Look:
+    """What all maps of a tab have in common.
+
+    Args:
+        panes: The maps.
+        told: Called whenever something that the page says about the maps has changed.
+
+    Attributes:
+        view: Window of the PB space; None is the whole map.
+        colour: What the colours tell.
+    """
+
+    def __init__(self, panes: list[MapPane], told: Callable[[], None]) -> None:
+        self._panes, self._told = panes, told
+        self.view: View | None = None
+        self.colour = NEAREST
+        self._works: list[Work] = []
+        self._wanted = 0
+        self._painted = 0
+        self._brush = asyncio.Lock()
+
+    @property
+    def share(self) -> float | None:
+        """How much of the work is done, or None if there is none."""
+        return min(work.share for work in self._works) if self._works else None
+
+    @property
+    def fineness(self) -> int | None:
+        """Finer cells along each side of the window, or None while there are none."""
+        sheets = [pane.fine_sheet() for pane in self._panes]
+        return None if None in sheets else min(sheet.chart.resolution for sheet in sheets if sheet)
+
+    def call_off(self) -> None:
+        """End all work, for instance since the tab has gone."""
+        for work in self._works:
+            work.call_off()
+        self._works = []
+
+    def set(self, view: View | None, colour: str) -> None:
+        """Choose another window or other colours; `work` shows them."""
+        self.call_off()
+        self.view, self.colour = view, colour
+        for pane in self._panes:
+            pane.view = view
+
+    async def work(self) -> None:
+        """Show what was chosen: at once from what is known, then finer."""
+        self.call_off()
+        works = self._works = [Work() for _ in self._panes]
+        await self.paint()
+        await asyncio.gather(*(self._work_out(*one) for one in zip(self._panes, works, strict=True)))
+        if self._works is works:
+            self._works = []
+            self._told()
+
+    async def paint(self) -> None:
+        """Draw every map from the finest that is known; a later call spares an earlier one that waits its work."""
+        self._wanted += 1
+        async with self._brush:
+            if self._painted == self._wanted:
+                return
+            self._painted = self._wanted
+            materials = [pane.material(self.colour) for pane in self._panes]
+            known = [one for one in materials if one is not None and one.values is not None]
+            span = (
+                spans([one.chart for one in known], [one.values for one in known if one.values is not None])
+                if known
+                else None
+            )
+            for pane, material in zip(self._panes, materials, strict=True):
+                if material is not None:
+                    await pane.paint(material, span, self.colour)
+        self._told()
+
+    async def _work_out(self, pane: MapPane, work: Work) -> None:
+        colour, view, subject = self.colour, self.view, pane.subject
+        chart = subject.charting.chart
+        if is_number(colour) and not is_of_body(colour) and subject.measurements.known(chart, colour) is None:
+            await run.io_bound(subject.measurements.values, chart, colour, work)
+            await self._show_if(work)
+        if view is None or is_of_body(colour):
+            work.share = 1.0
+            return
+        memory = subject.mind.memory
+        for n in LEVELS:
+            sheet = pane.fine_sheet()
+            if work.called_off:
+                return
+            if sheet is not None and sheet.view == view and sheet.chart.resolution >= n:
+                if is_number(colour) and colour not in sheet.values:
+                    values = await run.io_bound(measured, memory, sheet.chart, colour, chart, work)
+                    if values is not None:
+                        pane.sheet = Sheet(view, sheet.chart, {**sheet.values, colour: values})
+                        await self._show_if(work)
+                continue
+            if n * 2 <= chart.resolution * view.width:
+                continue  # the map's own cells are finer here
+            work.share = 0.0
+            found = await run.io_bound(finer_sheet, memory, chart, view, n, colour, work)
+            if found is not None and not work.called_off:
+                pane.sheet = found
+                await self._show_if(work)
+
+    async def _show_if(self, work: Work) -> None:
+        if not work.called_off:
+            await self.paint()

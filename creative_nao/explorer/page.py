@@ -1,4 +1,9 @@
-"""The page of one browser tab: map left, robot and curves right. What it holds dies with the tab."""
+"""The page of one browser tab: map left, robot and curves right. What it holds dies with the tab.
+
+Also here:
+- The bar above the maps: a second memory beside the first, colours, zoom, and how far the finer cells are.
+- Where things stand on the page: one memory with its robot beside the map, or two memories side by side.
+"""
 
 from __future__ import annotations
 
@@ -11,21 +16,131 @@ from pathlib import Path
 import numpy as np
 from nicegui import background_tasks, events, run, ui
 
-from creative_nao.explorer import discover, layout, panels
-from creative_nao.explorer.address import Place
-from creative_nao.explorer.charting import Charting
-from creative_nao.explorer.look import Look
-from creative_nao.explorer.map_pane import MapPane, as_pixel
-from creative_nao.explorer.map_view import Mark
-from creative_nao.explorer.mind import Mind, Recall, as_coordinate
-from creative_nao.explorer.robot_view import player_controls
-from creative_nao.explorer.session import MAX_POINTS, Session
-from creative_nao.explorer.shelf import NONE, Shelf
-from creative_nao.explorer.side import Side
-from creative_nao.explorer.stage import Stage
-from creative_nao.explorer.subject import Subject
-from creative_nao.explorer.toolbar import STEP, Toolbar
-from creative_nao.explorer.view import View
+from creative_nao.explorer import panels
+from creative_nao.explorer.colours import NAMES, is_of_body
+from creative_nao.explorer.map_pane import KEYS_HELP, Look, MapPane, Mark, as_pixel
+from creative_nao.explorer.memory_panel import Side
+from creative_nao.explorer.memory_service import Mind, Recall, as_coordinate
+from creative_nao.explorer.physics_service import Stage, player_controls
+from creative_nao.explorer.registry import NONE, Charting, Shelf, Subject
+from creative_nao.explorer.state import MAX_POINTS, Place, Session
+from creative_nao.explorer.view import ALL, View
+
+STEP = 2.0
+"""How much nearer a key or a button brings."""
+POLL_S = 0.3
+
+
+class Toolbar:
+    """What is common to all maps of a tab."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._tab = tab
+
+    def build(self) -> None:
+        """Lay the bar out."""
+        tab = self._tab
+        with ui.row().classes("items-center gap-2 w-full cn-toolbar"):
+            names = [NONE, *(name for name in tab.exhibit.shelf.names if name != tab.sides[0].subject.name)]
+            second = tab.sides[1].subject.name if len(tab.sides) > 1 else NONE
+            self.beside = ui.select(names, value=second, label="Beside it", on_change=self._chosen)
+            self.beside.props("dense options-dense").classes("w-28")
+            self.colour = ui.select(self._colours(), value=tab.look.colour, label="Colour", on_change=self._recoloured)
+            self.colour.props("dense options-dense").classes("w-44")
+            for text, label, factor in (("+", "Zoom in", STEP), ("\N{MINUS SIGN}", "Zoom out", 1 / STEP)):
+                ui.button(text, on_click=lambda _, by=factor: tab.zoom(by)).props(
+                    f'dense outline no-caps aria-label="{label}"'
+                ).classes("w-9")
+            ui.button("Whole map", on_click=lambda: tab.look_at(None, tab.look.colour)).props("dense no-caps outline")
+            self.note = ui.label("").props("aria-live=polite").classes("cn-note text-sm")
+            ui.space()
+            taught = tab.exhibit.taught
+            ui.link("Teach", f"/teach?taught={taught}" if taught else "/teach").classes("px-2")
+            ui.button("Keys", on_click=lambda: ui.notify(KEYS_HELP)).props("flat no-caps dense")
+            ui.button("Dark / light", on_click=tab.theme).props("flat no-caps dense")
+        self.progress = ui.linear_progress(0, show_value=False, size="3px").classes("cn-progress")
+        self.progress.props('aria-label="Working the map out"')
+        self.progress.set_visibility(False)
+        self._poll = ui.timer(POLL_S, self._look_at_work, active=False)
+
+    def tell(self) -> None:
+        """Say what the maps show."""
+        look = self._tab.look
+        if look.share is not None:
+            self._poll.active = True
+        if look.view is None:
+            self.note.text = ""
+            return
+        view = look.view
+        digits = view.digits - 1
+        window = " and ".join(
+            f"PB {place} {low:.{digits}f} to {low + view.width:.{digits}f}"
+            for place, low in ((1, view.left), (2, view.bottom))
+        )
+        fine = look.fineness
+        cells = "finer cells come" if look.share is not None else "cells of the whole map"
+        if fine is not None:
+            cells = f"{fine} x {fine} finer cells"
+        self.note.text = f"{ALL / view.width:.3g} times nearer: {window}; {cells}"
+
+    def _look_at_work(self) -> None:
+        share = self._tab.look.share
+        self.progress.set_visibility(share is not None)
+        self.progress.value = round(share or 0.0, 2)
+        if share is None:
+            self._poll.active = False
+
+    def _chosen(self) -> None:
+        self._tab.go_beside(str(self.beside.value))
+
+    def _colours(self) -> dict[str, str]:
+        embodied = any(side.subject.physical is not None for side in self._tab.sides)
+        return {name: text for name, text in NAMES.items() if embodied or not is_of_body(name)}
+
+    async def _recoloured(self) -> None:
+        await self._tab.look_at(self._tab.look.view, str(self.colour.value))
+
+
+def alone(tab: Tab) -> None:
+    """Lay one memory out: map left, robot and curves right, on a phone one below the other."""
+    (side,) = tab.sides
+    with ui.element("div").classes("cn-page"):
+        with _area("map"):
+            side.map.build(tab)
+        with _area("robot"):
+            side.build_robot(tab.exhibit.stage)
+            tab.build_player()
+            side.build_told()
+            panels.favourites(tab)
+        with _area("tools"):
+            tab.build_tools()
+
+
+def twin(tab: Tab) -> None:
+    """Lay two memories out in two columns, on a phone one below the other; one player drives both robots."""
+    with ui.element("div").classes("cn-page cn-twin"):
+        for number, side in enumerate(tab.sides, start=1):
+            with _area("map", number):
+                ui.label(f"Memory {side.subject.name}").classes("cn-name-of-side")
+                side.map.build(tab)
+        for number, side in enumerate(tab.sides, start=1):
+            with _area("robot", number):
+                side.build_robot(tab.exhibit.stage)
+        with _area("player"):
+            tab.build_player()
+        for number, side in enumerate(tab.sides, start=1):
+            with _area("told", number):
+                ui.label(f"Memory {side.subject.name}").classes("cn-name-of-side")
+                side.build_told()
+        with _area("tools"):
+            tab.build_tools()
+        with _area("keep"):
+            panels.favourites(tab)
+
+
+def _area(name: str, number: int = 1) -> ui.element:
+    return ui.element("div").classes(f"cn-at-{name}{number if number > 1 else ''}")
+
 
 STATIC = Path(__file__).with_name("static")
 _ARROWS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, 1), "ArrowDown": (0, -1)}
@@ -99,7 +214,7 @@ class Tab:
         self.dark = ui.dark_mode(None)
         ui.label(" and ".join(f"Memory {side.subject.name}" for side in self.sides)).classes("text-lg")
         self.toolbar.build()
-        (layout.alone if len(self.sides) == 1 else layout.twin)(self)
+        (alone if len(self.sides) == 1 else twin)(self)
         self.status = self.sides[0].status
         if not all(side.subject.charting.finished.is_set() for side in self.sides):
             self.poll = ui.timer(1.0, self._finer)
@@ -256,7 +371,7 @@ class Tab:
         elif key.isdigit() and int(key) <= len(self.mind.names):
             await self.show(self.mind.memory.pb[int(key) - 1][None])
         elif key == "r":
-            await self.show(discover.surprise(self.exhibit.charting.chart, self.rng)[None])
+            await self.show(panels.surprise(self.exhibit.charting.chart, self.rng)[None])
         elif key == "u":
             await self.back()
         elif key == "s":

@@ -1,20 +1,145 @@
-"""Serving the explorer: one memory, this machine only unless told otherwise."""
+"""Serving the explorer: one memory, this machine only unless told otherwise.
+
+Also here:
+- Pages are built in turn: with many asked for at once, the first is there first and open tabs are not kept waiting.
+- Keeps strangers out: a page on this machine answers only to this machine.
+- What the server keeps for each open tab, and its end: nothing of a tab outlives its browser's.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import socket
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from contextlib import AsyncExitStack
+from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 from nicegui import app, run, ui
 
 from creative_nao.errors import SettingsError
-from creative_nao.explorer.address import place_of
-from creative_nao.explorer.in_turn import InTurn
 from creative_nao.explorer.page import Exhibit, Tab
-from creative_nao.explorer.school import School
-from creative_nao.explorer.security import LOCAL_HOSTS, LocalOnly
-from creative_nao.explorer.tabs import Tabs
+from creative_nao.explorer.state import place_of
 from creative_nao.explorer.teach_page import TeachTab
+from creative_nao.explorer.teach_training import School
+
+AT_ONCE = 2
+"""One page that waits for a second memory to be loaded shall not keep all others waiting."""
+
+
+class InTurn:
+    """ASGI middleware that lets few requests for pages in at a time, in the order in which they came.
+
+    Building a page takes 0.1 s in which nothing else is answered. Pages let in together finish together, the first as
+    late as the last, and their age is counted from when they were let in: of fifty on a busy machine, all came when
+    they had outlived the minute that a page is kept for its socket. A page's turn ends when its answer begins, so a
+    reader who takes the answer slowly keeps nobody waiting.
+
+    Args:
+        app: The application behind.
+        paths: Where the pages are.
+    """
+
+    def __init__(self, app: Any, paths: tuple[str, ...]) -> None:
+        self._app, self._paths = app, paths
+        self._places = asyncio.Semaphore(AT_ONCE)
+
+    async def __call__(self, scope: Scope, receive: Any, send: Any) -> None:
+        """Hand a request on, a page's when its turn has come."""
+        if scope["type"] != "http" or scope["path"] not in self._paths:
+            await self._app(scope, receive, send)
+            return
+        async with AsyncExitStack() as turn:
+            await turn.enter_async_context(self._places)
+
+            async def answering(message: Any) -> None:
+                await turn.aclose()  # at the first message; later there is nothing left to close
+                await send(message)
+
+            await self._app(scope, receive, answering)
+
+
+Scope = MutableMapping[str, Any]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+
+LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
+
+
+def is_welcome(headers: Iterable[tuple[bytes, bytes]], hosts: tuple[str, ...] = LOCAL_HOSTS) -> bool:
+    """Tell whether a request names one of our hosts and comes from a page of ours, or from no page at all.
+
+    A foreign Host is a name that somebody pointed at this machine (DNS rebinding); a foreign Origin is another site's
+    page opening a socket here.
+    """
+    found = {key.decode("latin-1").lower(): value.decode("latin-1") for key, value in headers}
+    host, origin = found.get("host", ""), found.get("origin")
+    try:
+        if urlsplit(f"//{host}").hostname not in hosts:
+            return False
+        return origin is None or urlsplit(origin).netloc == host
+    except ValueError:
+        return False
+
+
+class LocalOnly:
+    """ASGI middleware: 403 for what `is_welcome` refuses, for pages and sockets alike."""
+
+    def __init__(self, app: Any, hosts: tuple[str, ...] = LOCAL_HOSTS) -> None:
+        self._app, self._hosts = app, hosts
+
+    async def __call__(self, scope: Scope, receive: Any, send: Send) -> None:
+        """Answer, or hand on."""
+        if scope["type"] not in ("http", "websocket") or is_welcome(scope["headers"], self._hosts):
+            await self._app(scope, receive, send)
+        elif scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1008})
+        else:
+            await send({"type": "http.response.start", "status": 403, "headers": [(b"content-type", b"text/plain")]})
+            await send({"type": "http.response.body", "body": b"This page answers only to its own host."})
+
+
+MAX_TABS = 200
+"""More are refused: each holds a page's worth of state."""
+
+
+class Kept(Protocol):
+    """What belongs to one tab."""
+
+    def close(self) -> None:
+        """Stop what runs for the tab and let go of what it holds."""
+        ...
+
+
+class Tabs:
+    """The open tabs of one server."""
+
+    def __init__(self) -> None:
+        self._kept: dict[str, Kept] = {}
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    def admits(self, kept: Kept, *ends: Callable[[], object]) -> bool:
+        """Keep what belongs to the tab being built until it goes, then call `ends`; too many are told so instead."""
+        if len(self._kept) >= MAX_TABS:
+            for end in ends:
+                end()
+            ui.label(f"{MAX_TABS} tabs are open. Close some, wait a minute and reload this page.")
+            return False
+        client = ui.context.client
+        key = client.id
+        self._kept[key] = kept
+        client.on_delete(lambda: self._release(key))
+        for end in ends:
+            client.on_delete(end)
+        return True
+
+    def _release(self, key: str) -> None:
+        kept = self._kept.pop(key, None)
+        if kept is not None:
+            kept.close()
+
 
 RECONNECT_S = 30.0
 """How long a tab that has gone quiet, such as a sleeping laptop's, is waited for before its memory is freed."""

@@ -1,24 +1,217 @@
-"""The teaching page of one tab: demonstrations by sliders and keys, a memory trained from them, a map that grows."""
+"""The teaching page of one tab: demonstrations by sliders and keys, a memory trained from them, a map that grows.
+
+Also here:
+- The editor of the teaching page: the list of demonstrations, the keys of one, and a slider for each joint.
+"""
 
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from nicegui import run, ui
+from nicegui import events, run, ui
 
 from creative_nao.demonstrations.keyframes import DT_S
 from creative_nao.errors import CreativeNaoError
-from creative_nao.explorer.body import angles_message
-from creative_nao.explorer.notebook import MAX_TEXT, Draft, Notebook, boxing
-from creative_nao.explorer.notebook_checks import fault, shortcomings
+from creative_nao.explorer.keyframe_editor import (
+    MAX_DRAFTS,
+    MAX_DURATION_S,
+    MAX_TEXT,
+    Draft,
+    Notebook,
+    blank,
+    boxing,
+    draft_svg,
+    fault,
+    shortcomings,
+)
+from creative_nao.explorer.memory_service import spoken
 from creative_nao.explorer.page import Exhibit
-from creative_nao.explorer.robot_view import player_controls, robot_scene
-from creative_nao.explorer.school import School
-from creative_nao.explorer.teach_drawings import draft_svg
-from creative_nao.explorer.teach_editor import Editor
-from creative_nao.explorer.teach_training import TrainingPanel
+from creative_nao.explorer.physics_service import angles_message, player_controls, robot_scene
+from creative_nao.explorer.teach_training import School, TrainingPanel
+from creative_nao.joints import JOINTS, limits
+from creative_nao.maps.colours import action_colour, action_letter
+
+_ARMS = (("Left arm", (4, 5, 6, 7)), ("Right arm", (0, 1, 2, 3)))
+_PARTS = ("Shoulder pitch", "Shoulder roll", "Elbow yaw", "Elbow roll")
+
+
+class Editor:
+    """Lays out what a person touches to make demonstrations."""
+
+    def __init__(self, tab: TeachTab) -> None:
+        self.tab = tab
+        self.sliders: dict[int, ui.slider] = {}
+        self.figures: dict[int, ui.label] = {}
+
+    def build(self) -> None:
+        """Lay everything out; `refresh` fills it."""
+        tab = self.tab
+        with ui.row().classes("items-center gap-2"):
+            _button("Boxing set", lambda: self._start(boxing()))
+            _button("Empty set", lambda: self._start(Notebook((blank(),))))
+            _button("Add", self._add)
+            _button("Add mirror image", self._mirror)
+            _button("Remove", self._remove)
+            _button("Undo", tab.undo)
+        self.list = ui.row().classes("gap-1").props('role=group aria-label="Demonstrations"')
+        self.name = ui.input("Name of the demonstration").props("dense maxlength=24").classes("w-full")
+        self.name.on("change", self._rename)
+        with ui.row().classes("items-center gap-2"):
+            _button("Earlier key", lambda: self._choose(tab.key - 1))
+            _button("Later key", lambda: self._choose(tab.key + 1))
+            self.time = ui.number("Reached at [s]", min=0, max=MAX_DURATION_S, step=0.05, format="%.2f")
+            self.time.props("dense").classes("w-28")
+            self.time.on("change", self._retime)
+            _button("Add key", self._add_key)
+            _button("Remove key", self._remove_key)
+        self.timeline = ui.element("div").classes("cn-timeline").props('role=group aria-label="Keys over time"')
+        low, high = limits()
+        with ui.element("div").classes("cn-arms"):
+            for arm, joints in _ARMS:
+                with ui.column().classes("gap-0"):
+                    ui.label(arm).classes("font-bold")
+                    for joint, part in zip(joints, _PARTS, strict=True):
+                        with ui.row().classes("w-full justify-between no-wrap"):
+                            ui.label(part).classes("text-sm")
+                            self.figures[joint] = ui.label("").classes("text-sm cn-figure")
+                        slider = ui.slider(
+                            min=float(low[joint]), max=float(high[joint]), step=0.01, value=float(low[joint])
+                        )
+                        slider.props(f'dense aria-label="{JOINTS[joint]}"').classes("cn-slider")
+                        slider.on("update:model-value", self._dragging(joint), throttle=0.05)
+                        slider.on("change", tab.settle)
+                        self.sliders[joint] = slider
+
+    def refresh(self) -> None:
+        """Show the notebook as it is now."""
+        tab = self.tab
+        self.list.clear()
+        with self.list:
+            for place, draft in enumerate(tab.notebook.drafts):
+                mark = " - has a fault" if fault(draft) else ""
+                chosen = place == tab.place
+                button = ui.button(f"{action_letter(place)} {spoken(draft.name)}{mark}")
+                button.on_click(lambda _, place=place: self._show(place)).classes("cn-draft")
+                button.props(
+                    f"dense no-caps {'unelevated' if chosen else 'outline'} aria-pressed={str(chosen).lower()}"
+                )
+                button.style(f"border-left: 6px solid {action_colour(place)}")
+        self.timeline.clear()
+        with self.timeline:
+            for k, key in enumerate(tab.draft.keys):
+                left = 100 * key.time_s / tab.draft.duration_s
+                handle = ui.element("button").classes("cn-key-handle" + (" cn-chosen" if k == tab.key else ""))
+                handle.style(f"left: {left:.2f}%").on("click", lambda _, k=k: self._choose(k))
+                handle.props(
+                    f'type=button aria-label="Key at {key.time_s:.2f} s" aria-pressed={str(k == tab.key).lower()}'
+                )
+        self.name.value = tab.draft.name
+        key = tab.draft.keys[tab.key]
+        self.time.value = key.time_s
+        for joint, slider in self.sliders.items():
+            slider.value = round(key.posture[joint], 4)
+            self._figure(joint, key.posture[joint])
+
+    def _figure(self, joint: int, angle: float) -> None:
+        self.figures[joint].text = f"{angle:.2f} rad, {math.degrees(angle):.0f}°"
+
+    def _dragging(self, joint: int) -> Callable[[events.GenericEventArguments], None]:
+        def dragged(event: events.GenericEventArguments) -> None:
+            value = event.args
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                return
+            tab = self.tab
+            draft = tab.draft.posed(tab.key, joint, float(value))
+            tab.change_draft(draft, merged=(tab.place, tab.key, joint))
+            self._figure(joint, draft.keys[tab.key].posture[joint])
+            tab.pose()
+            tab.tell()
+
+        return dragged
+
+    def _try(self, change: Callable[[], None]) -> None:
+        """Change something, or say in one line why not."""
+        try:
+            change()
+        except CreativeNaoError as error:
+            ui.notify(str(error), type="negative")
+        self.tab.settle()
+
+    def _show(self, place: int) -> None:
+        self.tab.place, self.tab.key = place, 0
+        self.tab.settle()
+        self.tab.preview()
+
+    def _choose(self, key: int) -> None:
+        self.tab.key = min(max(key, 0), len(self.tab.draft.keys) - 1)
+        self.tab.settle()
+
+    def _start(self, notebook: Notebook) -> None:
+        self.tab.change(notebook, 0, 0)
+        self.tab.settle()
+
+    def _add(self) -> None:
+        tab, n = self.tab, len(self.tab.notebook.drafts)
+        wish = "my_move" if n < MAX_DRAFTS else "one_more"
+        self._try(lambda: tab.change(tab.notebook.with_draft(n, blank(tab.notebook.free_name(wish))), n, 1))
+
+    def _mirror(self) -> None:
+        tab, n = self.tab, len(self.tab.notebook.drafts)
+        name = tab.notebook.free_name(_other_side(tab.draft.name))
+        self._try(lambda: tab.change(tab.notebook.with_draft(n, tab.draft.mirrored(name)), n, 0))
+
+    def _remove(self) -> None:
+        tab = self.tab
+        if len(tab.notebook.drafts) == 1:
+            ui.notify("One demonstration has to stay; start anew with the empty set.")
+            return
+        tab.change(tab.notebook.without(tab.place), max(tab.place - 1, 0), 0)
+        tab.settle()
+
+    def _rename(self, event: events.GenericEventArguments) -> None:
+        tab, name = self.tab, str(event.args).strip().replace(" ", "_")
+        if name != tab.draft.name:
+            self._try(lambda: tab.change_draft(tab.draft.renamed(name)))
+
+    def _retime(self, event: events.GenericEventArguments) -> None:
+        tab = self.tab
+        try:
+            time_s = float(event.args)
+        except (TypeError, ValueError):
+            tab.settle()
+            return
+        self._try(lambda: tab.change_draft(tab.draft.at_time(tab.key, time_s)))
+
+    def _add_key(self) -> None:
+        tab = self.tab
+        keys = tab.draft.keys
+        here = keys[tab.key].time_s
+        time_s = here + 0.5 if tab.key == len(keys) - 1 else (here + keys[tab.key + 1].time_s) / 2
+
+        def change() -> None:
+            draft, place = tab.draft.with_key(time_s)
+            tab.change_draft(draft, place)
+
+        self._try(change)
+
+    def _remove_key(self) -> None:
+        self._try(lambda: self.tab.change_draft(self.tab.draft.without_key(self.tab.key)))
+
+
+def _button(text: str, action: Callable[[], object]) -> None:
+    ui.button(text, on_click=action).props("dense no-caps outline")
+
+
+def _other_side(name: str) -> str:
+    for one, other in (("left", "right"), ("right", "left")):
+        if one in name:
+            return name.replace(one, other)[:24]
+    return f"{name[:17]}_mirror"
+
 
 STATIC = Path(__file__).with_name("static")
 MAX_UNDO = 50

@@ -1,32 +1,228 @@
-"""The training part of the teaching page: train, watch the loss fall and the map grow, explore, download."""
+"""The training part of the teaching page: train, watch the loss fall and the map grow, explore, download.
+
+Also here:
+- One network that learns beside the page, in a thread of its own: watched, stopped between epochs, gone on with.
+- The apprentices of one server, under names that cannot be guessed, each as long as a tab holds it.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import io
+import secrets
 import tempfile
+import threading
+import time
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from nicegui import run, ui
 
 from creative_nao.demonstrations import Demonstrations, save_demonstrations
-from creative_nao.errors import CreativeNaoError
-from creative_nao.explorer.apprentice import Apprentice, Look
-from creative_nao.explorer.notebook_checks import advice, shortcomings
+from creative_nao.errors import CreativeNaoError, SettingsError
+from creative_nao.explorer.keyframe_editor import advice, grown_map, loss_svg, shortcomings
+from creative_nao.explorer.memory_service import spoken
 from creative_nao.explorer.page import Exhibit
-from creative_nao.explorer.school import School
-from creative_nao.explorer.taught import taught_exhibit
-from creative_nao.explorer.teach_drawings import grown_map, loss_svg
-from creative_nao.explorer.words import spoken
+from creative_nao.explorer.registry import Shelf
+from creative_nao.maps import PBMap, pb_map
+from creative_nao.maps.colours import action_letter
 from creative_nao.measures import Criteria
-from creative_nao.model import Memory, TrainingSettings
-from creative_nao.model.campaign import reproduction
-from creative_nao.pb_space import PBMap, pb_map
-from creative_nao.pb_space.palette import action_letter
+from creative_nao.model import Memory, NetworkSettings, TrainingSettings
+from creative_nao.model.memory import encoding_of
+from creative_nao.model.multi_seed import reproduction
+from creative_nao.model.training import TrainingState, memory_at, train_network
+from creative_nao.runtime import usable_cores
 
 if TYPE_CHECKING:
     from creative_nao.explorer.teach_page import TeachTab
+
+
+MAX_EPOCHS = 300_000
+"""Where an apprentice has learned enough, however often it goes on."""
+LOOK_S = 0.4
+"""Shortest time between two looks at what is learned so far."""
+CURVE_POINTS = 240
+MADE_BY = "taught in the explorer's page"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Look:
+    """How far an apprentice is.
+
+    Attributes:
+        phase: `idle`, `waiting` for others to finish, `learning`, `stopped`, `finished` or `failed`.
+        n_epochs: Where it will stop.
+        epoch: Epochs done.
+        curve: Epoch and loss, shape (n, 2).
+        memory: What it has learned so far, None before the first look.
+        failure: Why it failed, one line, or empty.
+        epochs_per_s: Its pace since it was last started, 0 if unknown.
+    """
+
+    phase: str = "idle"
+    n_epochs: int = 0
+    epoch: int = 0
+    curve: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 2)))
+    memory: Memory | None = None
+    failure: str = ""
+    epochs_per_s: float = 0.0
+
+    @property
+    def busy(self) -> bool:
+        """Whether it is at work, or will be."""
+        return self.phase in ("waiting", "learning")
+
+
+class Apprentice:
+    """A network and what it is to learn.
+
+    Args:
+        demonstrations: The basic actions.
+        training: Closed-loop ratio and seed; the number of epochs is `learn`'s.
+        turnstile: Lets as many apprentices of the server learn at a time as it has places.
+
+    Attributes:
+        look: How far it is now; replaced as a whole, so any thread may read it.
+
+    Raises:
+        SettingsError: If the demonstrations cannot be learned.
+    """
+
+    def __init__(
+        self, demonstrations: Demonstrations, training: TrainingSettings, turnstile: threading.Semaphore
+    ) -> None:
+        self.demonstrations, self.training = demonstrations, training
+        self.look = Look()
+        self._network = NetworkSettings()
+        n_codes = encoding_of(demonstrations, self._network).n_codes
+        self._state = TrainingState.initial(self._network, n_codes, demonstrations.n_actions, training.seed)
+        self._turnstile = turnstile
+        self._stop = threading.Event()
+        self._started = (0, 0.0)
+        self._looked = 0.0
+
+    def learn(self, n_epochs: int) -> None:
+        """Begin, or go on, until `n_epochs` epochs are done altogether; returns at once.
+
+        Raises:
+            SettingsError: If it is at work already, or `n_epochs` are done or too many.
+        """
+        if self.look.busy:
+            raise SettingsError("it is learning already")
+        if not self._state.epoch < n_epochs <= MAX_EPOCHS:
+            raise SettingsError(
+                f"`n_epochs` should be above the {self._state.epoch:,} done and at most {MAX_EPOCHS:,}, "
+                f"but is {n_epochs:,}"
+            )
+        self._stop.clear()
+        self.look = dataclasses.replace(self.look, phase="waiting", n_epochs=n_epochs, failure="", epochs_per_s=0.0)
+        threading.Thread(target=self._learn, args=(n_epochs,), name="apprentice", daemon=True).start()
+
+    def stop(self) -> None:
+        """Let it end at the next hundred epochs; it can go on later."""
+        self._stop.set()
+
+    def _learn(self, n_epochs: int) -> None:
+        while not self._turnstile.acquire(timeout=0.1):
+            if self._stop.is_set():
+                self.look = dataclasses.replace(self.look, phase="stopped")
+                return
+        phase, failure = "failed", ""
+        try:
+            settings = dataclasses.replace(self.training, n_epochs=n_epochs)
+            self._started = (self._state.epoch, time.monotonic())
+            train_network(
+                self.demonstrations, settings, self._network, state=self._state, progress=self._watch, stop=self._stop
+            )
+            phase = "finished"
+        except KeyboardInterrupt:
+            phase = "stopped"
+        except CreativeNaoError as error:
+            failure = str(error)
+        except Exception as error:  # the page has to say so, a thread has nobody else to tell
+            failure = f"{type(error).__name__}: {error}"
+            raise
+        finally:
+            self._turnstile.release()
+            self._note(phase, n_epochs, failure)
+
+    def _watch(self, training: TrainingSettings, _: TrainingState) -> None:
+        if time.monotonic() - self._looked >= LOOK_S:
+            self._note("learning", training.n_epochs)
+
+    def _note(self, phase: str, n_epochs: int, failure: str = "") -> None:
+        state = self._state
+        memory = self.look.memory
+        if state.epoch and np.isfinite(state.best_loss):
+            settings = dataclasses.replace(self.training, n_epochs=max(state.epoch, 1))
+            memory = memory_at(self.demonstrations, self._network, settings, state, MADE_BY)
+            memory = dataclasses.replace(memory, name="taught in this page")
+        places = np.unique(np.linspace(0, max(state.epoch - 1, 0), CURVE_POINTS).astype(int))[: state.epoch]
+        curve = np.stack([places + 1.0, state.loss_history[places]], axis=1)
+        done, since = self._started
+        pace = (state.epoch - done) / max(time.monotonic() - since, 1e-3)
+        self.look = Look(phase, n_epochs, state.epoch, curve, memory, failure, pace)
+        self._looked = time.monotonic()
+
+
+PLACES = max(1, usable_cores() - 1)
+"""How many learn at a time; the page keeps a core."""
+
+
+class Desk:
+    """An apprentice and what was made of it.
+
+    Attributes:
+        apprentice: The network that learns.
+        exhibit: What the explorer's page shows of it, once it was asked for.
+    """
+
+    def __init__(self, apprentice: Apprentice) -> None:
+        self.apprentice = apprentice
+        self.exhibit: Any = None
+        self.holders = 0
+
+
+class School:
+    """All apprentices; what no tab holds any more is stopped and forgotten."""
+
+    def __init__(self) -> None:
+        self.turnstile = threading.Semaphore(PLACES)
+        self._desks: dict[str, Desk] = {}
+
+    def __len__(self) -> int:
+        return len(self._desks)
+
+    def enrol(self, apprentice: Apprentice) -> str:
+        """Take an apprentice in, held once, and return its name."""
+        key = secrets.token_urlsafe(12)
+        self._desks[key] = Desk(apprentice)
+        self._desks[key].holders = 1
+        return key
+
+    def hold(self, key: str) -> Desk | None:
+        """Hold an apprentice for one more tab; None if there is no such."""
+        desk = self._desks.get(key)
+        if desk is not None:
+            desk.holders += 1
+        return desk
+
+    def desk(self, key: str) -> Desk | None:
+        """Return an apprentice's desk without holding it."""
+        return self._desks.get(key)
+
+    def let_go(self, key: str) -> None:
+        """Hold it for one tab less; without any, it is stopped and forgotten."""
+        desk = self._desks.get(key)
+        if desk is None:
+            return
+        desk.holders -= 1
+        if desk.holders <= 0:
+            desk.apprentice.stop()
+            del self._desks[key]
+
 
 RATIOS = {0.0: "open loop", 0.5: "half closed", 1.0: "closed loop"}
 EPOCHS = {10_000: "10,000 epochs", 30_000: "30,000 epochs", 60_000: "60,000 epochs", 100_000: "100,000 epochs"}
@@ -226,3 +422,20 @@ def csv_archive(demonstrations: Demonstrations) -> bytes:
         for path in sorted(save_demonstrations(folder, demonstrations).iterdir()):
             archive.write(path, f"demonstrations/{path.name}")
     return stream.getvalue()
+
+
+RESOLUTION = 100
+"""Points along each side of its map: a quarter of the time of the paper's, for a memory that may soon learn on."""
+
+
+def taught_exhibit(memory: Memory, shown: Exhibit, key: str) -> Exhibit:
+    """Return an exhibit of a taught memory with the robot and the favourites of another one.
+
+    Args:
+        memory: What was taught.
+        shown: The exhibit of this server.
+        key: Name of the apprentice in the `School`, for the page's address.
+    """
+    shelf = Shelf([memory], RESOLUTION)
+    shelf.start()
+    return dataclasses.replace(shown, shelf=shelf, crowd=None, taught=key)

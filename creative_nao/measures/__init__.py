@@ -22,30 +22,49 @@ A search
 Nothing here knows of networks or robots; numba is loaded by the first distance, not by the import.
 """
 
-from creative_nao.measures.appropriateness import (
+from creative_nao.measures.attribution import (
+    Attribution,
+    Stretch,
+    attribution,
+    warping,
+    warping_diversity,
+    warping_path,
+)
+from creative_nao.measures.coverage import (
+    DensityCoverage,
+    GridQuality,
+    density_coverage,
+    first_novel,
+    grid_quality,
+    oracle_share,
+    regret,
+    unexpectedness,
+)
+from creative_nao.measures.diversity import (
+    Draws,
+    FarthestPoints,
+    diversity,
+    dtw_similarity,
+    farthest_points,
+    mean_pairwise_distance,
+    novelty,
+    reward_scale,
+    vendi_score,
+)
+from creative_nao.measures.dtw import dtw, dtw_matrix, dtw_pairs
+from creative_nao.measures.outcome import (
+    OUTCOMES,
     BasicActions,
     Criteria,
+    Scores,
     excursion_limit,
     excursions,
     is_appropriate,
     largest_speeds,
+    score,
     speed_limits,
 )
-from creative_nao.measures.attribution import Attribution, Stretch, attribution
-from creative_nao.measures.coverage import DensityCoverage, density_coverage
-from creative_nao.measures.diversity import diversity, mean_pairwise_distance, reward_scale
-from creative_nao.measures.draws import Draws
-from creative_nao.measures.dtw import dtw, dtw_matrix
-from creative_nao.measures.efficiency import first_novel, oracle_share, regret
-from creative_nao.measures.farthest import FarthestPoints, farthest_points
-from creative_nao.measures.grid import GridQuality, grid_quality
-from creative_nao.measures.novelty import novelty
-from creative_nao.measures.pairs import dtw_pairs
-from creative_nao.measures.score import OUTCOMES, Scores, score
 from creative_nao.measures.table import Table, table
-from creative_nao.measures.unexpectedness import unexpectedness
-from creative_nao.measures.vendi import dtw_similarity, vendi_score
-from creative_nao.measures.warping import warping, warping_diversity, warping_path
 
 __all__ = [  # noqa: RUF022 - in reading order
     "dtw",

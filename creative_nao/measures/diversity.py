@@ -1,13 +1,135 @@
-"""Diversity: how far generated actions lie from each other."""
+"""Random samples of generated actions: what novelty and diversity are means over.
+
+Also here:
+- Novelty: how far generated actions lie from the nearest thing the robot was taught.
+- Diversity: how far generated actions lie from each other.
+- The best an explorer could do: always pick the action farthest from everything known so far.
+- The Vendi score: how many different actions a set amounts to.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from creative_nao.errors import ShapeError
-from creative_nao.measures.appropriateness import PAPER_CRITERIA, BasicActions, Criteria, is_appropriate
-from creative_nao.measures.draws import N_DRAWS, N_SAMPLES, Draws, check_mask, draw_samples, summarise
-from creative_nao.measures.dtw import Trajectories, dtw_matrix
+from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.measures.dtw import Trajectories, dtw_matrix, refuse_where
+from creative_nao.measures.outcome import PAPER_CRITERIA, BasicActions, Criteria, is_appropriate
+
+N_SAMPLES = 30
+"""Actions in a sample, as in the paper."""
+
+N_DRAWS = 30
+"""Samples drawn, as in the paper."""
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """A measure over repeated random samples.
+
+    Attributes:
+        mean: Mean over the samples.
+        std: Standard deviation over the samples (n - 1 in the denominator; 0 for a single sample).
+        values: The measure of each sample, shape (n_draws,).
+        n_samples: Actions in each sample: as many as asked for, or all where there were fewer.
+    """
+
+    mean: float
+    std: float
+    values: np.ndarray
+    n_samples: int
+
+
+def draw_samples(
+    available: np.ndarray, rng: np.random.Generator | int, n_samples: int, n_draws: int, at_least: int = 1
+) -> np.ndarray:
+    """Draw samples of the available actions, each without repetition.
+
+    Where fewer than `n_samples` are available, each sample holds all of them: the measure is then exact and its
+    standard deviation 0. The same seed draws the same actions for novelty and for diversity.
+
+    Args:
+        available: Whether each action may be drawn, shape (n,) of bool.
+        rng: A generator, or a seed for one.
+        n_samples: Actions in a sample.
+        n_draws: Number of samples.
+        at_least: How many available actions the measure needs to exist at all.
+
+    Returns:
+        Indices of the drawn actions, shape (n_draws, n_samples or fewer).
+
+    Raises:
+        ShapeError: If fewer than `at_least` actions are available.
+        SettingsError: If a number is below one.
+    """
+    for name, value in {"n_samples": n_samples, "n_draws": n_draws}.items():
+        if value < 1:
+            raise SettingsError(f"`{name}` should be at least 1, but is {value}.")
+    if n_samples < at_least:
+        raise SettingsError(f"`n_samples` should be at least {at_least} for this measure, but is {n_samples}.")
+    indices = np.flatnonzero(available)
+    if len(indices) < at_least:
+        raise ShapeError(
+            f"`trajectories` should hold at least {at_least} appropriate actions to draw from, "
+            f"but {len(indices)} of {len(available)} are appropriate."
+        )
+    generator = np.random.default_rng(rng)
+    size = min(n_samples, len(indices))
+    return np.array([np.sort(generator.choice(indices, size=size, replace=False)) for _ in range(n_draws)])
+
+
+def summarise(values: np.ndarray, n_samples: int) -> Draws:
+    """Join the measure of each sample, shape (n_draws,), into its mean and spread."""
+    std = float(values.std(ddof=1)) if len(values) > 1 else 0.0
+    return Draws(float(values.mean()), std, values, n_samples)
+
+
+def check_mask(appropriate: np.ndarray, n: int) -> None:
+    """Refuse a mask that does not say yes or no for each of `n` trajectories.
+
+    Raises:
+        ShapeError: If its shape or type is another.
+    """
+    if appropriate.shape != (n,) or appropriate.dtype != bool:
+        raise ShapeError(
+            f"`appropriate` should be a mask of shape ({n},), one bool for each trajectory, "
+            f"but is {appropriate.dtype} of shape {appropriate.shape}."
+        )
+
+
+def novelty(
+    trajectories: Trajectories,
+    demos: BasicActions,
+    *,
+    rng: np.random.Generator | int = 0,
+    n_samples: int = N_SAMPLES,
+    n_draws: int = N_DRAWS,
+    criteria: Criteria = PAPER_CRITERIA,
+    appropriate: np.ndarray | None = None,
+) -> Draws:
+    """Return the paper's novelty: the mean distance of randomly drawn actions to the nearest basic action, repeated.
+
+    Only appropriate actions are drawn; the others count as filtered out.
+
+    Args:
+        trajectories: A list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array [rad].
+        demos: The basic actions.
+        rng: A generator, or a seed for one.
+        n_samples: Actions in a sample; where fewer are appropriate, all of them.
+        n_draws: Number of samples.
+        criteria: What makes an action appropriate.
+        appropriate: Which actions are, shape (n,) of bool, if already known; else it is worked out.
+
+    Raises:
+        ShapeError: If no action is appropriate, or shapes do not fit.
+    """
+    allowed = is_appropriate(trajectories, demos, criteria) if appropriate is None else np.asarray(appropriate)
+    check_mask(allowed, len(trajectories))
+    samples = draw_samples(allowed, rng, n_samples, n_draws)
+    drawn, place = np.unique(samples, return_inverse=True)
+    nearest = dtw_matrix([trajectories[k] for k in drawn], list(demos.trajectories)).min(axis=1)
+    return summarise(nearest[place].reshape(samples.shape).mean(axis=1), samples.shape[1])
 
 
 def mean_pairwise_distance(trajectories: Trajectories) -> float:
@@ -61,3 +183,124 @@ def diversity(
     samples = draw_samples(allowed, rng, n_samples, n_draws, at_least=2)
     values = np.array([mean_pairwise_distance([trajectories[k] for k in sample]) for sample in samples])
     return summarise(values, samples.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class FarthestPoints:
+    """A greedy selection of actions.
+
+    Attributes:
+        indices: The chosen trajectories in the order of choice, shape (n,).
+        rewards: What each choice earns: its smallest distance to the basic actions and to the choices before it,
+            divided by the mean distance between the basic actions, shape (n,). They never rise.
+    """
+
+    indices: np.ndarray
+    rewards: np.ndarray
+
+    @property
+    def total(self) -> float:
+        """Sum of the rewards: the score of the greedy oracle."""
+        return float(self.rewards.sum())
+
+
+def farthest_points(
+    trajectories: Trajectories,
+    demos: BasicActions,
+    n_actions: int = 30,
+    appropriate: np.ndarray | None = None,
+    criteria: Criteria = PAPER_CRITERIA,
+) -> FarthestPoints:
+    """Choose actions greedily, each the farthest from the basic actions and from those chosen before (the oracle).
+
+    The choice is exact: each pick costs one column of distances, from every candidate to the action picked last.
+    Of equally far ones the first is taken. Greedy is not the best possible set, but no order of single choices that
+    looks one step ahead earns more at any step.
+
+    Args:
+        trajectories: A list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array [rad].
+        demos: The basic actions.
+        n_actions: How many to choose; fewer are returned where fewer are appropriate.
+        appropriate: Which may be chosen, shape (n,) of bool; worked out when None.
+        criteria: What makes an action appropriate.
+
+    Raises:
+        ShapeError: If the mask does not fit or shapes do not.
+        SettingsError: If `n_actions` is below one.
+    """
+    if n_actions < 1:
+        raise SettingsError(f"`n_actions` should be at least 1, but is {n_actions}.")
+    allowed = is_appropriate(trajectories, demos, criteria) if appropriate is None else np.asarray(appropriate)
+    check_mask(allowed, len(trajectories))
+    candidates = np.flatnonzero(allowed)
+    if isinstance(trajectories, np.ndarray):
+        pool: Trajectories = trajectories[candidates]
+    else:
+        pool = [np.asarray(trajectories[k]) for k in candidates.tolist()]
+    scale = reward_scale(demos)
+    known = list(demos.trajectories)
+    chosen: list[int] = []
+    rewards: list[float] = []
+    nearest = np.full(len(candidates), np.inf)
+    while len(chosen) < min(n_actions, len(candidates)):
+        nearest = np.minimum(nearest, dtw_matrix(pool, known).min(axis=1))
+        nearest[chosen] = -np.inf
+        pick = int(np.argmax(nearest))
+        chosen.append(pick)
+        rewards.append(float(nearest[pick]) / scale)
+        known = [np.asarray(pool[pick])]
+    return FarthestPoints(candidates[chosen], np.array(rewards))
+
+
+LENGTH_SCALE_RAD = 10.0
+"""Distance at which two actions are alike to 1/e: the threshold up to which an action counts as learned [rad]."""
+
+
+def vendi_score(similarity: np.ndarray) -> float:
+    """Return the effective number of different items (Friedman and Dieng 2023, arXiv:2210.02410).
+
+    The exponential of the Shannon entropy of the eigenvalues of K / n. From 1 (all alike) to n (nothing in common);
+    more is more diverse. A similarity that is no kernel, as one made of warping distances need not be, has a few
+    negative eigenvalues; they count as 0, and the others are brought back to the sum 1.
+
+    Args:
+        similarity: K, shape (n, n), symmetric, 1 on the diagonal.
+
+    Raises:
+        ShapeError: If it is no such matrix.
+
+    Example:
+        The two examples of the authors' own package, which cuts off after four digits:
+
+        >>> points = np.array([0, 0, 10, 10, 20, 20])
+        >>> float(np.floor(1e4 * vendi_score(np.exp(-np.abs(points[:, None] - points)))) / 1e4)
+        2.9999
+        >>> float(np.floor(1e4 * vendi_score(np.array([[1, 0.9, 0], [0.9, 1, 0], [0, 0, 1]]))) / 1e4)
+        2.1573
+    """
+    matrix = np.asarray(similarity, dtype=np.float64)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not len(matrix):
+        raise ShapeError(f"`similarity` should have shape (n, n) with n at least 1, but has {matrix.shape}.")
+    refuse_where(~np.isfinite(matrix), matrix, "similarity", "finite numbers")
+    refuse_where(~np.isclose(matrix, matrix.T), matrix, "similarity", "a symmetric matrix")
+    diagonal = np.diag(matrix)
+    refuse_where(~np.isclose(diagonal, 1.0), diagonal, "similarity", "ones on its diagonal")
+    eigenvalues = np.linalg.eigvalsh(matrix / len(matrix))
+    shares = eigenvalues[eigenvalues > 0] / eigenvalues[eigenvalues > 0].sum()
+    return float(np.exp(-np.sum(shares * np.log(shares))))
+
+
+def dtw_similarity(trajectories: Trajectories, length_scale_rad: float = LENGTH_SCALE_RAD) -> np.ndarray:
+    """Return how alike trajectories are, exp(-distance / length scale), shape (n, n) in (0, 1].
+
+    Args:
+        trajectories: A list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array [rad].
+        length_scale_rad: Distance at which two are alike to 1/e [rad].
+
+    Raises:
+        SettingsError: If the length scale is not above 0.
+        ShapeError: If shapes do not fit.
+    """
+    if not length_scale_rad > 0:
+        raise SettingsError(f"`length_scale_rad` should be above 0, but is {length_scale_rad}.")
+    return np.exp(-dtw_matrix(trajectories) / length_scale_rad)

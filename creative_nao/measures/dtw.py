@@ -1,11 +1,10 @@
-"""Dynamic time warping: how far apart two trajectories are when either may be slowed down or sped up.
+"""Refusing arrays with the first value that is wrong, and where it stands.
 
-The definition decides what a threshold of 10 means, so here it is in full. *Dependent multivariate*: all joints are
-warped together. *Local cost*: the Euclidean distance of two postures, not squared. *Distance*: the sum of the local
-costs along the path from the first pair of postures to the last that makes this sum smallest; a step advances in one
-trajectory, in the other or in both, and all steps weigh the same. There is no window, no normalisation by length and no
-root at the end. With angles in radians the distance is in radians; two actions of 50 postures that are 0.2 rad apart at
-every posture and cannot be warped closer are 10 apart. `dtw_reference.py` says the same in a few lines of plain Python.
+Also here:
+- Dynamic time warping: how far apart two trajectories are when either may be slowed down or sped up.
+- The warping distance of chosen pairs: of neighbours in a map, or of what a robot meant and what it did.
+- Other readings of "dynamic time warping", to see which conclusions depend on ours (`dtw.py` defines that one).
+- The definition of the distance in plain Python: slow, obvious, and what the tests hold `dtw.py` against.
 """
 
 from __future__ import annotations
@@ -19,6 +18,24 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from creative_nao.errors import SettingsError, ShapeError
+
+
+def refuse_where(wrong: np.ndarray, values: np.ndarray, name: str, expected: str) -> None:
+    """Refuse an array some of whose values are wrong; where none is, nothing happens.
+
+    Args:
+        wrong: Whether each value is wrong, of bool, shape of `values`.
+        values: The array.
+        name: The argument that it was given as.
+        expected: What it should hold.
+
+    Raises:
+        ShapeError: Naming the argument, what was expected, and the first wrong value with its place.
+    """
+    if wrong.any():
+        place = np.argwhere(wrong)[0].tolist()
+        raise ShapeError(f"`{name}` should hold {expected}, but is {values[tuple(place)]} at {place}.")
+
 
 SERIAL_CELLS = 50_000_000
 """Below this many pairs of postures, starting threads costs more than it saves."""
@@ -97,19 +114,19 @@ def _fill(a: _Packed, b: _Packed, *, symmetric: bool, names: tuple[str, str]) ->
         raise ShapeError(
             f"`{names[1]}` should have the joints of `{names[0]}`, {a.n_joints} columns, but has {b.n_joints}."
         )
-    from creative_nao.measures import _lanes  # numba takes half a second to import
+    from creative_nao.measures import _dtw_kernels  # numba takes half a second to import
 
     # Lanes that are not filled are computed all the same, so the larger set goes there.
     x, y, target = (a, b, out) if len(a.order) >= len(b.order) else (b, a, np.zeros(out.shape[::-1], out.dtype))
-    work: tuple[Any, ...] = (_lanes.LANE_BYTES // out.itemsize, *x[:3], *y[:3], symmetric, target)
+    work: tuple[Any, ...] = (_dtw_kernels.LANE_BYTES // out.itemsize, *x[:3], *y[:3], symmetric, target)
     cells = float(len(x.values)) * len(y.values) / (2 if symmetric else 1)
     # A process forked from one whose threads run has lost them, and starting them again would end it.
     if cells < SERIAL_CELLS or _threads_started_in not in (None, os.getpid()):
-        _lanes.fill_serial(*work)
+        _dtw_kernels.fill_serial(*work)
     else:
         with _threads:
             _threads_started_in = os.getpid()
-            _lanes.fill_parallel(*work)
+            _dtw_kernels.fill_parallel(*work)
     return out if target is out else np.ascontiguousarray(target.T)
 
 
@@ -174,3 +191,138 @@ def _as_array(trajectory: ArrayLike, called: str) -> np.ndarray:
             f"but has shape {array.shape} and type {array.dtype}."
         )
     return array
+
+
+def dtw_pairs(
+    trajectories: np.ndarray, first: ArrayLike, second: ArrayLike, dtype: DTypeLike = np.float64
+) -> np.ndarray:
+    """Return the distance of pair after pair, the same bits as `dtw` gives one at a time.
+
+    A matrix of all distances of a map of 40,000 would need 12 GB; its 80,000 pairs of neighbours take half a second.
+
+    Args:
+        trajectories: Shape (n, n_steps, n_joints).
+        first: Which trajectory is the first of each pair, shape (n_pairs,) of int.
+        second: Which is the second.
+        dtype: float64 or float32, for arithmetic and result.
+
+    Returns:
+        Shape (n_pairs,).
+
+    Raises:
+        ShapeError: If shapes do not fit, a place is outside the trajectories, or a value is not finite.
+        SettingsError: If `dtype` is something else.
+    """
+    kind = np.dtype(dtype)
+    if kind not in (np.dtype(np.float32), np.dtype(np.float64)):
+        raise SettingsError(f"`dtype` should be float32 or float64, but is {kind}.")
+    values = np.asarray(trajectories)
+    if values.ndim != 3 or values.dtype.kind not in "fiu" or 0 in values.shape[1:]:
+        raise ShapeError(
+            "`trajectories` should be an (n, n_steps, n_joints) array of numbers with at least one posture and one "
+            f"joint, but has shape {values.shape} and type {values.dtype}."
+        )
+    if values.size and not (values.min() >= -MAX_VALUE and values.max() <= MAX_VALUE):  # needs no room, unlike a mask
+        refuse_where(~(np.abs(values) <= MAX_VALUE), values, "trajectories", f"finite values up to {MAX_VALUE:g}")
+    places = [_places(given, name, len(values)) for given, name in ((first, "first"), (second, "second"))]
+    if len(places[0]) != len(places[1]):
+        raise ShapeError(f"`second` should be as long as `first`, {len(places[0])}, but has {len(places[1])} places.")
+    out = np.zeros(len(places[0]), kind)
+    if out.size:
+        from creative_nao.measures import _dtw_kernels  # numba takes half a second to import
+
+        _dtw_kernels.fill_pairs(
+            np.ascontiguousarray(values, np.float64 if values.dtype.kind != "f" else None), *places, out
+        )
+    return out
+
+
+def _places(given: ArrayLike, name: str, n: int) -> np.ndarray:
+    places = np.asarray(given)
+    if places.size == 0:
+        places = places.astype(np.int64)
+    if places.ndim != 1 or places.dtype.kind not in "iu":
+        raise ShapeError(
+            f"`{name}` should be a list of places in `trajectories`, but has shape {places.shape} and type "
+            f"{places.dtype}."
+        )
+    if places.size and not (places.min() >= 0 and places.max() < n):
+        raise ShapeError(
+            f"`{name}` should hold places from 0 to {n - 1}, but reaches from {places.min()} to {places.max()}."
+        )
+    return places.astype(np.int64)
+
+
+def dtw_variant_matrix(
+    a: Trajectories,
+    b: Trajectories,
+    *,
+    dependent: bool = True,
+    window: int | None = None,
+    normalise: bool = False,
+    squared: bool = False,
+) -> np.ndarray:
+    """Return the distance of every trajectory of `a` to every one of `b` under another reading of the definition.
+
+    The default settings are the project's definition and give what `dtw_matrix` gives.
+
+    Args:
+        a: A list of (n_steps, n_joints) arrays, whose lengths may differ, or one (n, n_steps, n_joints) array.
+        b: The others.
+        dependent: Whether all joints share one path.
+        window: Largest difference of two matched ticks, 0 or more; None: any.
+        normalise: Whether to divide by the number of pairs on the path.
+        squared: Whether the local cost is squared.
+
+    Returns:
+        Shape (len(a), len(b)), float64: in the unit of the values, or its square where `squared`.
+
+    Raises:
+        SettingsError: If `window` is negative.
+        ShapeError: If a trajectory is empty, not finite, or has other joints than the rest.
+
+    Example:
+        >>> float(dtw_variant_matrix([[[0.0], [2.0]]], [[[0.0], [1.0]]], squared=True, normalise=True)[0, 0])
+        0.5
+    """
+    if window is not None and window < 0:
+        raise SettingsError(f"`window` should be 0 or more ticks, or None, but is {window}.")
+    if dependent and window is None and not normalise and not squared:
+        return dtw_matrix(a, b)
+    from creative_nao.measures import _dtw_kernels  # numba takes half a second to import
+
+    first, second = _flat(a, "a"), _flat(b, "b")
+    out = np.zeros((len(first[1]) - 1, len(second[1]) - 1))
+    if out.size:
+        if first[0].shape[1] != second[0].shape[1]:
+            raise ShapeError(
+                f"`b` should have the joints of `a`, {first[0].shape[1]} columns, but has {second[0].shape[1]}."
+            )
+        limit = -1 if window is None else window
+        _dtw_kernels.fill_variant(*first, *second, dependent, limit, normalise, squared, out)
+    return out
+
+
+def _flat(series: Trajectories, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return all ticks in a row, (n_ticks, n_joints) float64, and where each trajectory begins, (n + 1,)."""
+    arrays = [np.asarray(one, dtype=np.float64) for one in series]
+    for place, one in enumerate(arrays):
+        wanted = arrays[0].shape[1] if arrays[0].ndim == 2 else "n_joints"
+        if one.ndim != 2 or not one.size or one.shape[1] != wanted:
+            raise ShapeError(f"`{name}[{place}]` should have shape (n_steps >= 1, {wanted}), but has {one.shape}.")
+        if not np.isfinite(one).all():
+            raise ShapeError(f"`{name}[{place}]` should hold finite values, but holds {one[~np.isfinite(one)][0]}.")
+    offset = np.concatenate([[0], np.cumsum([len(one) for one in arrays])]).astype(np.int64)
+    return (np.ascontiguousarray(np.concatenate(arrays)) if arrays else np.zeros((0, 1))), offset
+
+
+def dtw_reference(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the distance of two trajectories, shapes (n, n_joints) and (m, n_joints)."""
+    n, m = len(a), len(b)
+    best = np.full((n + 1, m + 1), np.inf)
+    best[0, 0] = 0.0
+    for i in range(n):
+        for j in range(m):
+            cost = np.sqrt(np.sum((a[i] - b[j]) ** 2))
+            best[i + 1, j + 1] = cost + min(best[i, j], best[i, j + 1], best[i + 1, j])
+    return float(best[n, m])

@@ -6,12 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from creative_nao.measures.appropriateness import PAPER_CRITERIA, BasicActions, Criteria
-from creative_nao.measures.diversity import diversity
-from creative_nao.measures.draws import N_DRAWS, N_SAMPLES, Draws
+from creative_nao.measures.diversity import N_DRAWS, N_SAMPLES, Draws, diversity, novelty
 from creative_nao.measures.dtw import Trajectories
-from creative_nao.measures.novelty import novelty
-from creative_nao.measures.score import Scores, score
+from creative_nao.measures.outcome import PAPER_CRITERIA, BasicActions, Criteria, Scores, score
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,20 +17,20 @@ Inside, in reading order:
 torch is loaded by the reference network only, not by using or training a memory with the compiled engine.
 """
 
-from creative_nao.model.campaign import Trained, checkpoint_of, reproduction, train, train_many
 from creative_nao.model.config import NetworkSettings, TrainingSettings
-from creative_nao.model.memory import Memory
-from creative_nao.model.paths import Walk, walk
-from creative_nao.model.recognition import Recognition
-from creative_nao.model.shipped import (
+from creative_nao.model.memory import (
     CONDITIONS,
     SPLITS,
+    Memory,
     load_memory,
     shipped_memories,
     shipped_scores,
     split_memories,
     split_of,
 )
+from creative_nao.model.multi_seed import Trained, checkpoint_of, reproduction, train, train_many
+from creative_nao.model.paths import Walk, walk
+from creative_nao.model.recognition import Recognition
 from creative_nao.model.training import train_network
 
 __all__ = [

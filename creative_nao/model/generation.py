@@ -12,10 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from creative_nao.cores import usable_cores
-from creative_nao.model.config import NetworkSettings
+from creative_nao.model.config import NetworkSettings, layer_time_constants
 from creative_nao.model.encoding import SoftmaxEncoding
-from creative_nao.model.parameters import layer_time_constants
+from creative_nao.runtime import usable_cores
 
 LANES = 64
 """Most points side by side: a multiple of `product.PANEL`, and all activations still lie in a fast cache."""
@@ -91,7 +90,7 @@ class ClosedLoopGenerator:
         return out
 
     def _generate_one(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
-        from creative_nao.model.lanes import generate_one
+        from creative_nao.model.compiled_generation import generate_one
 
         angles = np.zeros((n_steps, len(self.references)), np.float32)
         generate_one(
@@ -103,7 +102,7 @@ class ClosedLoopGenerator:
         return trajectory
 
     def _generate_block(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
-        from creative_nao.model.lanes import PANEL, generate_lanes
+        from creative_nao.model.compiled_generation import PANEL, generate_lanes
 
         lanes = -(-len(pb) // PANEL) * PANEL
         points = np.zeros((pb.shape[1], pb.shape[2], lanes), np.float32)

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from creative_nao.errors import ShapeError
+from creative_nao.model.compiled_generation import unfold_tick
 from creative_nao.model.generation import ClosedLoopGenerator
-from creative_nao.model.kernels import compiled
-from creative_nao.model.lanes import unfold_tick
 from creative_nao.model.memory import Memory
-from creative_nao.model.sums import add_outputs
+from creative_nao.model.simd import add_outputs, compiled
 
 
 @dataclass(eq=False)

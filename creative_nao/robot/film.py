@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from creative_nao import atomic
+from creative_nao import storage
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.joints import N_JOINTS
 from creative_nao.robot import interpolation
@@ -78,7 +78,7 @@ def film_strip(images: Sequence[np.ndarray], path: str | os.PathLike[str]) -> Pa
     for place, image in enumerate(images):
         start = place * (width + _GAP_PX)
         strip[:, start : start + width] = image
-    with atomic.replacing(path) as temporary:
+    with storage.replacing(path) as temporary:
         Image.fromarray(strip).save(temporary, format="PNG")
     return Path(path)
 
@@ -97,7 +97,7 @@ def write_gif(images: Sequence[np.ndarray], path: str | os.PathLike[str], *, fra
     # The one colour left over stands for pixels that stay as they are, which halves the file.
     palette = Image.fromarray(sample).quantize(colors=255, method=Image.Quantize.MEDIANCUT)
     first, *rest = [Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
-    with atomic.replacing(path) as temporary:
+    with storage.replacing(path) as temporary:
         first.save(
             temporary, format="GIF", save_all=True, append_images=rest, duration=round(frame_dt_s * 1000), loop=0,
             optimize=True, disposal=1,

@@ -15,10 +15,12 @@ Example:
 
 from __future__ import annotations
 
-from creative_nao.testing.conformance import ConformanceError
-from creative_nao.testing.environment import check_environment
-from creative_nao.testing.memory import check_memory
-from creative_nao.testing.performer import check_performer
-from creative_nao.testing.task import check_task
+from creative_nao.testing.conformance import (
+    ConformanceError,
+    check_environment,
+    check_memory,
+    check_performer,
+    check_task,
+)
 
 __all__ = ["ConformanceError", "check_environment", "check_memory", "check_performer", "check_task"]

@@ -8,13 +8,13 @@ import pytest
 
 from creative_nao.agents import BundleHeader, TrainedPolicy, load_agent, make_agent, save_bundle
 from creative_nao.agents.algorithms import ALGORITHMS, CELL_POLICY, CELL_SAC_POLICY
-from creative_nao.agents.hyperparameters import AUGMENTATION, check_entry
-from creative_nao.agents.judging import play_episodes
-from creative_nao.agents.replay import replay, score_policy
+from creative_nao.agents.bundle import replay, score_policy
+from creative_nao.agents.evaluate_policy import play_episodes
+from creative_nao.agents.settings import AUGMENTATION, check_entry
 from creative_nao.agents.training import TrainingPlan, train_agent
-from creative_nao.agents.training_record import KIND
+from creative_nao.agents.training_state import KIND
+from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
-from creative_nao.tensorfile import load_tensors, save_tensors
 
 ENV = "CreativeNao/BoxingMental-v0"
 ON = {"n_timesteps": 240, "n_envs": 2, "n_steps": 30, "batch_size": 30, "n_epochs": 2}

@@ -5,7 +5,7 @@ import pytest
 from gymnasium.spaces import Box
 
 from creative_nao.agents.augmentation import FlippedSwappedAxes, turns
-from creative_nao.agents.hyperparameters import AUGMENTATION, check_entry
+from creative_nao.agents.settings import AUGMENTATION, check_entry
 from creative_nao.envs import SB3VecEnv
 from creative_nao.envs.observation import N_CELLS, cells_of
 from creative_nao.errors import SettingsError

@@ -6,10 +6,8 @@ import torch
 from gymnasium.spaces import Box
 
 from creative_nao.agents.algorithms import CELL_POLICY, CELL_SAC_POLICY
-from creative_nao.agents.cell_policy import CellPolicy
-from creative_nao.agents.cell_sac import CellSACPolicy
-from creative_nao.agents.cells import CellDistribution, CellFeatures, CellWeights, cells_at
-from creative_nao.agents.hyperparameters import check_entry
+from creative_nao.agents.cells import CellDistribution, CellFeatures, CellPolicy, CellSACPolicy, CellWeights, cells_at
+from creative_nao.agents.settings import check_entry
 from creative_nao.agents.training import TrainingPlan, train_agent
 from creative_nao.envs.observation import N_CELLS, cells_of, layout, observation_space
 from creative_nao.errors import SettingsError

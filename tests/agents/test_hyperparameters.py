@@ -3,8 +3,13 @@
 import pytest
 
 from creative_nao.agents.algorithms import ALGORITHMS, find_algorithm
-from creative_nao.agents.hyperparameters import check_entry, read_hyperparameters, resolve_policy_kwargs, schedule
-from creative_nao.agents.literals import parse_literal
+from creative_nao.agents.settings import (
+    check_entry,
+    parse_literal,
+    read_hyperparameters,
+    resolve_policy_kwargs,
+    schedule,
+)
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 

@@ -6,9 +6,9 @@ import pytest
 
 import creative_nao as cn
 from creative_nao.agents import UNTRAINED, Agent, Context, OracleAgent, make_agent
-from creative_nao.agents.oracle import OracleSettings
+from creative_nao.agents.black_box import OracleSettings
 from creative_nao.errors import SettingsError
-from creative_nao.evaluation.oracle import chart_memory
+from creative_nao.evaluation.job_handlers import chart_memory
 from creative_nao.evaluation.protocol import play
 
 MENTAL = "CreativeNao/BoxingMental-v0"

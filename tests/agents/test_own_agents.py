@@ -8,7 +8,7 @@ import pytest
 
 from creative_nao.agents import Agent, FunctionAgent, PolicyAgent, as_agent, load_entry_point, make_agent
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError
-from creative_nao.evaluation.entrants import check_entrant, make_entrant
+from creative_nao.evaluation.resolve_agents import check_entrant, make_entrant
 
 OBSERVATION = np.zeros(4, np.float32)
 

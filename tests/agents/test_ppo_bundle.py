@@ -7,8 +7,8 @@ import pytest
 
 from creative_nao.agents import BundleHeader, PPOSettings, load_agent, make_agent, save_bundle, train_ppo
 from creative_nao.agents.bundle import KIND
+from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
-from creative_nao.tensorfile import load_tensors, save_tensors
 
 ENV = "fake_boxing:Fake/BoxingMental-v0"
 TINY = PPOSettings(n_timesteps=240, n_envs=2, n_steps=60, batch_size=60, n_epochs=2, hidden=(8,))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from creative_nao.agents.hyperparameters import FOLDER
+from creative_nao.agents.settings import FOLDER
 
 ENV = "CreativeNao/BoxingMental-v0"
 ZOO_NAMES = {"recurrent_ppo": "ppo_lstm"}

@@ -19,16 +19,16 @@ from creative_nao.agents import (
     ReplayAgent,
     make_agent,
 )
-from creative_nao.agents.bayesian import BayesianSettings
-from creative_nao.agents.cma_es import CmaEsSettings
-from creative_nao.agents.cma_me import CmaMeSettings
-from creative_nao.agents.descriptors import arm_excursions, mean_postures
-from creative_nao.agents.learned_replay import ReplaySettings
-from creative_nao.agents.map_elites import MapElitesSettings
-from creative_nao.agents.novelty_search import NoveltySearchSettings
-from creative_nao.agents.oracle import OracleSettings
+from creative_nao.agents.black_box import BayesianSettings, CmaEsSettings, OracleSettings, ReplaySettings
+from creative_nao.agents.quality_diversity import (
+    CmaMeSettings,
+    MapElitesSettings,
+    NoveltySearchSettings,
+    arm_excursions,
+    mean_postures,
+)
 from creative_nao.errors import MissingDependencyError, SettingsError
-from creative_nao.evaluation.entrants import check_entrant
+from creative_nao.evaluation.resolve_agents import check_entrant
 
 SEARCHES = ("cma_es", "cma_me", "map_elites", "novelty_search", "bayesian")
 DRAWING = tuple(name for name in UNTRAINED if name != "oracle")

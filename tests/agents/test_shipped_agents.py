@@ -4,11 +4,10 @@ import pytest
 
 import creative_nao as cn
 from creative_nao.agents import make_agent, shipped_agents
-from creative_nao.agents.replay import machine, replay
-from creative_nao.agents.shipped import find_bundle
+from creative_nao.agents.bundle import find_bundle, machine, replay
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.model import split_memories
-from creative_nao.provenance import versions
+from creative_nao.runtime import versions
 
 
 def test_ppo_and_sac_ship_for_every_environment():

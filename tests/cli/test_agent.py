@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 from creative_nao.agents import load_agent
-from creative_nao.agents.hyperparameters import read_hyperparameters
+from creative_nao.agents.settings import read_hyperparameters
+from creative_nao.arrays import load_tensors
 from creative_nao.cli import main
-from creative_nao.tensorfile import load_tensors
 
 ENV = "CreativeNao/BoxingMental-v0"
 ENTRY = {
@@ -62,7 +62,7 @@ def test_a_bundle_is_replayed_exactly_from_the_command_line(trained, capsys):
     assert "reproduced exactly" in capsys.readouterr().out
     header, arrays = load_tensors(bundle, kind="agent bundle")
     header["score"]["episodes"][0]["reward"] += 1.0
-    from creative_nao.tensorfile import save_tensors
+    from creative_nao.arrays import save_tensors
 
     save_tensors(bundle, kind="agent bundle", header=header, tensors=arrays)
     assert main(["agent", "run", bundle, "--replay"]) == 1

@@ -17,8 +17,8 @@ from creative_nao.cli import main
 from creative_nao.cli.dispatch import COMMANDS
 from creative_nao.cli.memories import score_memory
 from creative_nao.demonstrations import load_demonstrations, save_trajectory
+from creative_nao.maps import PBMap
 from creative_nao.model import shipped_memories, shipped_scores
-from creative_nao.pb_space import PBMap
 
 
 def said(capsys):

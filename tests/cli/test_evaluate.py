@@ -161,7 +161,7 @@ def verification(holds):
 
 @pytest.mark.parametrize(("holds", "code", "said"), [(True, 0, "holds to the bit"), (False, 1, "does NOT hold: 2 of")])
 def test_verify_says_whether_a_file_holds_by_its_exit_code_too(monkeypatch, capsys, holds, code, said):
-    monkeypatch.setattr("creative_nao.cli.evaluate_files.verify", lambda *_, **__: verification(holds))
+    monkeypatch.setattr("creative_nao.cli.evaluate.verify", lambda *_, **__: verification(holds))
     settings = command.EvaluateSettings(suite="verify", files=(Path("results.json"),))
     assert command.run(settings) == code
     assert said in capsys.readouterr().out

@@ -9,8 +9,7 @@ from typing import get_args
 import pytest
 
 from creative_nao.cli import main
-from creative_nao.cli.dispatch import COMMANDS, _parse
-from creative_nao.cli.flags import field_texts, with_default
+from creative_nao.cli.dispatch import COMMANDS, _parse, field_texts, with_default
 from creative_nao.cli.train import TrainSettings, _command
 from creative_nao.model import NetworkSettings
 

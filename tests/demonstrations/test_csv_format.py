@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from creative_nao.demonstrations import csv_format, load_trajectory, save_trajectory
+from creative_nao.demonstrations import files, load_trajectory, save_trajectory
 from creative_nao.errors import CreativeNaoError, FileFormatError, NotFoundError, SettingsError, ShapeError
 from creative_nao.joints import JOINTS
 
@@ -102,7 +102,7 @@ def test_another_encoding_is_named_as_such(tmp_path, encoding):
 
 
 def test_an_oversized_file_is_refused_unread(tmp_path, monkeypatch):
-    monkeypatch.setattr(csv_format, "MAX_FILE_BYTES", 100)
+    monkeypatch.setattr(files, "MAX_FILE_BYTES", 100)
     with pytest.raises(FileFormatError, match="bytes, expected at most 100"):
         load_trajectory(written(tmp_path, GOOD))
 

@@ -6,10 +6,8 @@ import pytest
 from creative_nao.cli.teach import TeachSettings
 from creative_nao.cli.teach import run as teach_command
 from creative_nao.demonstrations import ACTIONS, Demonstrations, Variation, load_demonstrations
-from creative_nao.demonstrations.checks import shortcomings
-from creative_nao.demonstrations.grip import Grip
 from creative_nao.demonstrations.keyframes import GUARD, both_arms
-from creative_nao.demonstrations.teaching import Teacher, as_demonstrations, teach
+from creative_nao.demonstrations.teaching import Grip, Teacher, as_demonstrations, shortcomings, teach
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.joints import ENCODER_STEP_RAD, JOINTS
 

@@ -8,13 +8,13 @@ import json
 
 from golden import FILE, compute, key
 
-from creative_nao import atomic
+from creative_nao import storage
 
 
 def main() -> None:
     kept = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
     kept[key()] = compute()
-    atomic.write_text(FILE, json.dumps(kept, sort_keys=True, separators=(",", ":"), allow_nan=False) + "\n")
+    storage.write_text(FILE, json.dumps(kept, sort_keys=True, separators=(",", ":"), allow_nan=False) + "\n")
     print(f"{key()}: {FILE.name} holds {len(kept)} entries")  # noqa: T201 - a program
 
 

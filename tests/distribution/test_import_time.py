@@ -19,4 +19,4 @@ def test_importing_the_package_loads_nothing_heavy():
 
 
 def test_heavy_modules_are_seen_when_they_are_loaded():
-    assert "numba" in loaded("; import creative_nao.model.kernels")
+    assert "numba" in loaded("; import creative_nao.model.simd")

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from creative_nao.envs.episodes import Episodes
-from creative_nao.envs.knowledge import Knowledge
+from creative_nao.envs.archive import Knowledge
+from creative_nao.envs.episode_batch import Episodes
 from creative_nao.measures import dtw_matrix
-from creative_nao.measures.appropriateness import is_fluctuating, is_non_moving
+from creative_nao.measures.outcome import is_fluctuating, is_non_moving
 
 ZERO = np.zeros(1, np.int64)
 

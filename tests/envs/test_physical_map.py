@@ -9,12 +9,11 @@ import pytest
 from creative_nao.cli import main
 from creative_nao.envs import BoxingEnv
 from creative_nao.envs import physical_map as module
-from creative_nao.envs.physical_chart import FIGURES, PhysicalMap
-from creative_nao.envs.physical_map import Crowd, physical_map
+from creative_nao.envs.physical_map import FIGURES, Crowd, PhysicalMap, physical_map
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.maps import pb_map
 from creative_nao.measures import Criteria
 from creative_nao.model import NetworkSettings, TrainingSettings, load_memory, train_network
-from creative_nao.pb_space import pb_map
 from creative_nao.robot import Performer, PhysicalLimits
 
 ARRAYS = ("pb", "outcome", "mental", "fault", "nearest", "distance", "learned_pb")

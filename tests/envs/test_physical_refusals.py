@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from creative_nao.envs import BoxingEnv
-from creative_nao.measures.appropriateness import is_fluctuating, is_non_moving
+from creative_nao.measures.outcome import is_fluctuating, is_non_moving
 from creative_nao.model import Memory, load_memory
 from creative_nao.robot import PHYSICAL_FAILURES, Performer, arm_angles, bare_scene, failures
 

@@ -8,7 +8,7 @@ import pytest
 
 from creative_nao.envs import BoxingEnv
 from creative_nao.envs.observation import OUTCOMES
-from creative_nao.envs.physical_chart import PhysicalMap
+from creative_nao.envs.physical_map import PhysicalMap
 
 DOCS = Path(__file__).parents[2] / "docs"
 MEMORIES = ("open/0", "half/0", "closed/0")

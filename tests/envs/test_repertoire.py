@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from creative_nao.envs.repertoire import Repertoire
+from creative_nao.envs.archive import Repertoire
 from creative_nao.measures import dtw, dtw_matrix
 
 

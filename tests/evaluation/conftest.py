@@ -8,8 +8,8 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
 from creative_nao.agents import PPOSettings  # noqa: E402 - after the path
-from creative_nao.evaluation.executors import LocalExecutor  # noqa: E402
 from creative_nao.evaluation.run import evaluate  # noqa: E402
+from creative_nao.evaluation.runner import LocalExecutor  # noqa: E402
 from creative_nao.evaluation.suites import Suite  # noqa: E402
 
 BOXING = "fake_boxing:Fake/Boxing-v0"

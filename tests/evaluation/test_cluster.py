@@ -10,11 +10,9 @@ import pytest
 
 from creative_nao.errors import MissingDependencyError, NotFoundError, SettingsError
 from creative_nao.evaluation import cluster
-from creative_nao.evaluation.cluster import DaskExecutor
-from creative_nao.evaluation.executors import LocalExecutor
+from creative_nao.evaluation.cluster import DaskExecutor, do_job
 from creative_nao.evaluation.jobs import plan, read_result
-from creative_nao.evaluation.remote import do_job
-from creative_nao.evaluation.runner import JobError
+from creative_nao.evaluation.runner import JobError, LocalExecutor
 
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from creative_nao.evaluation.drawing import DPI, save
+from creative_nao.evaluation.plots import DPI, save
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import fake_boxing
 import pytest
 
 from creative_nao.agents import make_agent
-from creative_nao.evaluation.findings import findings, limits, notes
 from creative_nao.evaluation.protocol import play
+from creative_nao.evaluation.report import findings, limits, notes
 from creative_nao.evaluation.results import Measured, Oracle, make_results
 
 MENTAL = "fake_boxing:Fake/BoxingMental-v0"

@@ -8,12 +8,10 @@ import shutil
 import pytest
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
-from creative_nao.evaluation.executors import LocalExecutor
-from creative_nao.evaluation.folder import open_folder
 from creative_nao.evaluation.jobs import plan
 from creative_nao.evaluation.results import MEASURED, collect, read_results
-from creative_nao.evaluation.run import evaluate
-from creative_nao.evaluation.runner import run_jobs
+from creative_nao.evaluation.run import evaluate, open_folder
+from creative_nao.evaluation.runner import LocalExecutor, run_jobs
 from creative_nao.evaluation.tables import MEASURED_COLUMNS, figure, markdown_table
 
 

@@ -5,9 +5,9 @@ import json
 
 import pytest
 
+from creative_nao.agents.bundle import shipped_agents
 from creative_nao.agents.ppo import PPOSettings
 from creative_nao.agents.registry import UNTRAINED
-from creative_nao.agents.shipped import shipped_agents
 from creative_nao.demonstrations import load_demonstrations, save_demonstrations
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan

@@ -8,8 +8,7 @@ import pytest
 
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.errors import SettingsError
-from creative_nao.explorer.apprentice import MAX_EPOCHS, Apprentice
-from creative_nao.explorer.school import School
+from creative_nao.explorer.teach_training import MAX_EPOCHS, Apprentice, School
 from creative_nao.model import TrainingSettings, train
 from creative_nao.model.training import CHUNK_EPOCHS
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from creative_nao.explorer import Mind
-from creative_nao.explorer.attribution_strip import attribute, sentence, strip_html
+from creative_nao.explorer.memory_service import attribute, sentence, strip_html
 from creative_nao.model import load_memory
 
 

@@ -10,14 +10,14 @@ from conftest import PHYSICAL
 from PIL import Image
 
 from creative_nao.cli import main
-from creative_nao.envs.physical_chart import PhysicalMap
-from creative_nao.explorer.colour_sheets import texture_address
+from creative_nao.envs.physical_map import PhysicalMap
 from creative_nao.explorer.colours import NAMES, cell_colours, figure_of_body, is_number, is_of_body
-from creative_nao.explorer.map_view import map_picture
+from creative_nao.explorer.map_pane import map_picture
+from creative_nao.explorer.static_export import texture_address
 from creative_nao.explorer.view import SIZE
+from creative_nao.maps import colour_values, pb_map
 from creative_nao.measures import attribution, score
 from creative_nao.model import load_memory
-from creative_nao.pb_space import colour_values, pb_map
 
 
 @pytest.fixture(scope="module")

@@ -8,20 +8,16 @@ import numpy as np
 import pytest
 
 from creative_nao.cli import main
-from creative_nao.envs.physical_chart import PhysicalMap
+from creative_nao.envs.physical_map import PhysicalMap
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.explorer import colours
-from creative_nao.explorer.finer import finer_sheet
-from creative_nao.explorer.hatching import PATTERNS, sample
-from creative_nao.explorer.legend import legend_html
-from creative_nao.explorer.map_view import map_picture
-from creative_nao.explorer.measuring import Measurements, measured
-from creative_nao.explorer.physical import check_physical, physical_map_of
+from creative_nao.explorer.colours import PATTERNS, Measurements, Work, finer_sheet, legend_html, measured, sample
+from creative_nao.explorer.map_pane import map_picture
+from creative_nao.explorer.registry import check_physical, physical_map_of
 from creative_nao.explorer.view import SIZE, View
-from creative_nao.explorer.work import Work
+from creative_nao.maps import COLOURINGS, colour_values, pb_map
+from creative_nao.maps.colours import UNUSABLE
 from creative_nao.model import load_memory
-from creative_nao.pb_space import COLOURINGS, colour_values, pb_map
-from creative_nao.pb_space.palette import UNUSABLE
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results" / "physical"
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from creative_nao.explorer.stage import Stage
+from creative_nao.explorer.physics_service import Stage
 from creative_nao.model import load_memory
 
 HANDS = ("nao/RHand", "nao/LHand")

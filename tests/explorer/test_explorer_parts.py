@@ -9,17 +9,15 @@ import pytest
 from creative_nao.cli.explore import choices
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError
 from creative_nao.exchange import FORMATS
-from creative_nao.explorer import Mind, cached_map, discover, recordings
-from creative_nao.explorer.curves import curves_svg
-from creative_nao.explorer.map_view import overlay
-from creative_nao.explorer.maps import cache_path, content_hash
-from creative_nao.explorer.mind import as_coordinate
-from creative_nao.explorer.security import is_welcome
-from creative_nao.explorer.session import Favourite, Session
+from creative_nao.explorer import Mind, cached_map, panels
+from creative_nao.explorer.map_pane import overlay
+from creative_nao.explorer.memory_service import as_coordinate, curves_svg, describe
+from creative_nao.explorer.registry import cache_path, content_hash
+from creative_nao.explorer.server import is_welcome
+from creative_nao.explorer.state import Favourite, Session
 from creative_nao.explorer.view import View
-from creative_nao.explorer.words import describe
+from creative_nao.maps import pb_map
 from creative_nao.model import load_memory
-from creative_nao.pb_space import pb_map
 
 
 @pytest.fixture(scope="module")
@@ -85,35 +83,35 @@ def test_the_overlay_has_a_letter_for_each_action_and_a_line_for_a_path(chart):
 def test_a_surprise_is_new_and_appropriate(chart):
     rng = np.random.default_rng(0)
     for find in (
-        lambda: discover.surprise(chart, rng),
-        lambda: discover.more_like(chart, np.array([[0.3, 0.3]]), rng),
-        lambda: discover.less_like(chart, np.array([[0.3, 0.3]]), rng),
+        lambda: panels.surprise(chart, rng),
+        lambda: panels.more_like(chart, np.array([[0.3, 0.3]]), rng),
+        lambda: panels.less_like(chart, np.array([[0.3, 0.3]]), rng),
     ):
         cell = int(np.flatnonzero((chart.pb == find()).all(axis=1))[0])
         assert chart.outcome[cell] in ("learned", "unlearned")
-    near = np.linalg.norm(discover.more_like(chart, np.array([[0.3, 0.3]]), rng) - 0.3)
-    assert near < np.linalg.norm(discover.less_like(chart, np.array([[0.3, 0.3]]), rng) - 0.3)
-    again = [discover.surprise(chart, np.random.default_rng(5)).tolist() for _ in range(2)]
+    near = np.linalg.norm(panels.more_like(chart, np.array([[0.3, 0.3]]), rng) - 0.3)
+    assert near < np.linalg.norm(panels.less_like(chart, np.array([[0.3, 0.3]]), rng) - 0.3)
+    again = [panels.surprise(chart, np.random.default_rng(5)).tolist() for _ in range(2)]
     assert again[0] == again[1]
 
 
 @pytest.mark.parametrize("format_name", FORMATS)
 def test_every_format_goes_out_and_comes_back(mind, format_name):
     recall = mind.recall(mind.memory.pb[:1])
-    name, content, _ = recordings.export(recall, mind, format_name)
-    back = recordings.read_upload(name, content, mind.memory.dt_s)
+    name, content, _ = panels.export(recall, mind, format_name)
+    back = panels.read_upload(name, content, mind.memory.dt_s)
     start = len(back.motion.angles) - len(
         recall.trajectory
     )  # formats for robots begin with the way to the first posture
     assert start >= 0
-    assert recordings.read_upload(f"../../{name}", content, mind.memory.dt_s).format == format_name
+    assert panels.read_upload(f"../../{name}", content, mind.memory.dt_s).format == format_name
 
 
 def test_an_upload_too_large_or_foreign_is_refused():
     with pytest.raises(FileFormatError, match="may have 2000000 bytes"):
-        recordings.read_upload("a.csv", b"x" * 2_000_001, 0.15)
+        panels.read_upload("a.csv", b"x" * 2_000_001, 0.15)
     with pytest.raises(FileFormatError, match=r"recording\.csv"):
-        recordings.read_upload("/etc/passwd", b"root:x:0:0", 0.15)
+        panels.read_upload("/etc/passwd", b"root:x:0:0", 0.15)
 
 
 def test_favourites_survive_and_a_foreign_file_is_refused(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from visiting import CHROMIUM, FLAGS, Server, Visit
 
 from creative_nao.cli import main
-from creative_nao.explorer.in_turn import AT_ONCE, InTurn
+from creative_nao.explorer.server import AT_ONCE, InTurn
 
 
 def raw(port, request):

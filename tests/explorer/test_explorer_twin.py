@@ -8,8 +8,8 @@ from visiting import Server
 
 from creative_nao.cli import main
 from creative_nao.errors import NotFoundError
-from creative_nao.explorer.session import Favourite, Session
-from creative_nao.explorer.shelf import Shelf
+from creative_nao.explorer.registry import Shelf
+from creative_nao.explorer.state import Favourite, Session
 from creative_nao.model import load_memory
 
 ANGLES = """[...document.querySelectorAll('.cn-scene [id]')].map((place) => window['scene_' + place.id]).filter(Boolean)

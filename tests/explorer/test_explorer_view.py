@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from creative_nao.explorer.address import Place, place_of
+from creative_nao.explorer.state import Place, place_of
 from creative_nao.explorer.view import SIZE, SMALLEST, View, cell_of
+from creative_nao.maps import nearest_cell, pb_grid, pb_map
 from creative_nao.model import load_memory
-from creative_nao.pb_space import nearest_cell, pb_grid, pb_map
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,19 @@ import pytest
 
 from creative_nao.demonstrations.keyframes import ACTIONS, DT_S, N_STEPS, keyframes
 from creative_nao.errors import CreativeNaoError, SettingsError
-from creative_nao.explorer.notebook import MAX_DRAFTS, MAX_KEYS, Draft, Key, Notebook, blank, boxing
-from creative_nao.explorer.notebook_checks import advice, fault, peak_speeds, shortcomings
+from creative_nao.explorer.keyframe_editor import (
+    MAX_DRAFTS,
+    MAX_KEYS,
+    Draft,
+    Key,
+    Notebook,
+    advice,
+    blank,
+    boxing,
+    fault,
+    peak_speeds,
+    shortcomings,
+)
 from creative_nao.joints import JOINTS, limits
 
 

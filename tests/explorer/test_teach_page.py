@@ -10,9 +10,9 @@ from test_tabs import WatchedServer
 from visiting import free_port
 
 from creative_nao.demonstrations import load_demonstrations
-from creative_nao.explorer.notebook import boxing
+from creative_nao.explorer.keyframe_editor import boxing
 from creative_nao.model import load_memory
-from creative_nao.model.campaign import reproduction
+from creative_nao.model.multi_seed import reproduction
 
 FIT = "demonstrations, all fit to be taught"
 

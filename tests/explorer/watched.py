@@ -8,9 +8,9 @@ import weakref
 from pathlib import Path
 
 from creative_nao.explorer import server
-from creative_nao.explorer.session import Session
-from creative_nao.explorer.shelf import Shelf
-from creative_nao.explorer.stage import Stage
+from creative_nao.explorer.physics_service import Stage
+from creative_nao.explorer.registry import Shelf
+from creative_nao.explorer.state import Session
 from creative_nao.model import load_memory
 
 

@@ -8,8 +8,8 @@ from striking import CASES, EXPLORER_CASES, case_name, run
 from struck_commands import COMMANDS, RUN_FOLDER
 from whole_files import contents
 
-from creative_nao import atomic
-from creative_nao.provenance import versions
+from creative_nao import storage
+from creative_nao.runtime import versions
 
 
 def pytest_addoption(parser):
@@ -19,12 +19,12 @@ def pytest_addoption(parser):
 def keep(case, target):
     """Put a case into the record, in the place of an earlier try of it."""
     target = target.absolute()
-    with atomic.alone(target.parent):
+    with storage.alone(target.parent):
         known = json.loads(target.read_text(encoding="utf-8"))["cases"] if target.exists() else []
         latest = {one["case"]: one for one in (*known, case)}
         order = [case_name(*one) for one in (*CASES, *EXPLORER_CASES)]
         made = {"versions": versions(), "cases": [latest[name] for name in order if name in latest]}
-        atomic.write_text(target, json.dumps(made, indent=1) + "\n")
+        storage.write_text(target, json.dumps(made, indent=1) + "\n")
 
 
 @pytest.fixture

@@ -5,15 +5,15 @@ import os
 
 import pytest
 
-from creative_nao import atomic
+from creative_nao import storage
 from creative_nao.demonstrations import files, save_demonstrations
 from creative_nao.errors import NotFoundError
-from creative_nao.evaluation import job as worker
-from creative_nao.evaluation.folder import open_folder
+from creative_nao.evaluation import job_handlers as worker
+from creative_nao.evaluation.job_handlers import WORK
 from creative_nao.evaluation.jobs import Job, write_spec
+from creative_nao.evaluation.run import open_folder
 from creative_nao.evaluation.suites import find_suite
-from creative_nao.evaluation.work import WORK
-from creative_nao.explorer.session import Favourite, Session
+from creative_nao.explorer.state import Favourite, Session
 from creative_nao.model import NetworkSettings, TrainingSettings, checkpoint_of, train_many
 
 
@@ -57,7 +57,7 @@ def test_favourites_outlive_their_file(tmp_path):
 def test_actions_that_vanish_while_others_are_written_are_missed(tmp_path, waves, monkeypatch):
     def vanishing(path, *rest):
         (tmp_path / "first.csv").unlink(missing_ok=True)
-        return atomic.write_text(path, "")
+        return storage.write_text(path, "")
 
     monkeypatch.setattr(files, "save_trajectory", vanishing)
     with pytest.raises(NotFoundError, match=r"first.csv vanished while the others were written; write them again"):

@@ -9,12 +9,12 @@ import threading
 
 import pytest
 
-from creative_nao import atomic
+from creative_nao import storage
 
 LEFT_BY_A_KILLED_WRITER = """
 import os, signal, sys
-from creative_nao import atomic
-with atomic.replacing(sys.argv[1]) as temporary:
+from creative_nao import storage
+with storage.replacing(sys.argv[1]) as temporary:
     temporary.write_text("half", encoding="utf-8")
     os.kill(os.getpid(), signal.SIGKILL)
 """
@@ -22,8 +22,8 @@ needs_locks = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no
 
 
 def test_an_error_leaves_the_old_file_and_nothing_else(tmp_path):
-    path = atomic.write_text(tmp_path / "a.txt", "old")
-    with pytest.raises(ZeroDivisionError), atomic.replacing(path) as temporary:
+    path = storage.write_text(tmp_path / "a.txt", "old")
+    with pytest.raises(ZeroDivisionError), storage.replacing(path) as temporary:
         temporary.write_text(f"half {1 // 0}", encoding="utf-8")
 
     assert path.read_text(encoding="utf-8") == "old"
@@ -31,25 +31,25 @@ def test_an_error_leaves_the_old_file_and_nothing_else(tmp_path):
 
 
 def test_a_full_disk_names_the_file_that_was_wanted(tmp_path):
-    with pytest.raises(OSError, match="No space left") as caught, atomic.replacing(tmp_path / "a.txt"):
+    with pytest.raises(OSError, match="No space left") as caught, storage.replacing(tmp_path / "a.txt"):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     assert caught.value.filename == str(tmp_path / "a.txt")
 
 
 def test_an_error_of_ours_keeps_its_text(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"^only text$"), atomic.replacing(tmp_path / "a.txt"):
+    with pytest.raises(FileNotFoundError, match=r"^only text$"), storage.replacing(tmp_path / "a.txt"):
         raise FileNotFoundError("only text")
 
 
 def test_files_are_readable_like_all_others_of_the_user(tmp_path):
     (tmp_path / "plain").touch()
 
-    assert atomic.write_bytes(tmp_path / "a", b"").stat().st_mode == (tmp_path / "plain").stat().st_mode
+    assert storage.write_bytes(tmp_path / "a", b"").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
 def test_a_name_as_long_as_the_system_allows_is_written(tmp_path):
-    path = atomic.write_text(tmp_path / ("n" * 251 + ".txt"), "whole")
+    path = storage.write_text(tmp_path / ("n" * 251 + ".txt"), "whole")
 
     assert path.read_text(encoding="utf-8") == "whole"
 
@@ -59,7 +59,7 @@ def test_the_next_writer_removes_what_a_killed_one_left(tmp_path):
     subprocess.run([sys.executable, "-c", LEFT_BY_A_KILLED_WRITER, str(tmp_path / "a.txt")], check=False)
     (left,) = tmp_path.iterdir()
     assert left.name.startswith(".a.txt.writing-")
-    atomic.write_text(tmp_path / "other.txt", "whole")
+    storage.write_text(tmp_path / "other.txt", "whole")
 
     assert [path.name for path in tmp_path.iterdir()] == ["other.txt"]
 
@@ -68,9 +68,9 @@ def test_the_next_writer_removes_what_a_killed_one_left(tmp_path):
 def test_what_is_being_written_is_left_alone_and_so_is_another_machine_s(tmp_path):
     foreign = tmp_path / ".b.txt.writing-00000000-12345678.txt"
     foreign.touch()
-    with atomic.replacing(tmp_path / "a.txt") as temporary:
+    with storage.replacing(tmp_path / "a.txt") as temporary:
         temporary.write_text("whole", encoding="utf-8")
-        atomic.sweep(tmp_path)
+        storage.sweep(tmp_path)
         assert temporary.exists()
 
     assert {path.name for path in tmp_path.iterdir()} == {"a.txt", foreign.name}
@@ -81,10 +81,10 @@ def test_one_writer_at_a_time_is_alone_in_a_folder(tmp_path):
     order = []
 
     def wait():
-        with atomic.alone(tmp_path):
+        with storage.alone(tmp_path):
             order.append("second")
 
-    with atomic.alone(tmp_path):
+    with storage.alone(tmp_path):
         other = threading.Thread(target=wait)
         other.start()
         other.join(0.2)
@@ -96,7 +96,7 @@ def test_one_writer_at_a_time_is_alone_in_a_folder(tmp_path):
 
 def write_often(path, text):
     for _ in range(60):
-        atomic.write_text(path, text)
+        storage.write_text(path, text)
 
 
 def test_writers_and_sweepers_in_a_crowd_never_tear_or_lose_a_file(tmp_path):

@@ -82,7 +82,7 @@ def test_no_other_module_opens_files():
 def test_the_check_of_the_checkers_would_notice(tmp_path):
     path = tmp_path / "new.py"
     path.write_text(
-        "from creative_nao.untrusted import read_text\nfrom creative_nao import npz\nimport numpy as np\n"
+        "from creative_nao.storage import read_text\nfrom creative_nao import npz\nimport numpy as np\n"
         "read_text(p, 'x')\nnpz.read_npz(p)\nopen(p)\nnp.load(p)\np.read_bytes()\n"
     )
     assert readers(path) == ({"read_text", "read_npz"}, {"open", "np.load", "p.read_bytes"})

@@ -9,14 +9,14 @@ import pytest
 from victims import ENV
 
 import creative_nao  # noqa: F401
-from creative_nao.agents.judging import PlayedEpisode, Score
+from creative_nao.agents.evaluate_policy import PlayedEpisode, Score
+from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.cli import main
 from creative_nao.envs import EnvState
 from creative_nao.errors import FileFormatError, SettingsError
-from creative_nao.evaluation.folder import refuse_links
+from creative_nao.evaluation.run import refuse_links
 from creative_nao.evaluation.suites import read_suite
 from creative_nao.evaluation.verification import verify
-from creative_nao.tensorfile import load_tensors, save_tensors
 
 MODULE = (
     "import pathlib\npathlib.Path(__file__).with_name('ran').touch()\ndef agent():\n    return lambda seen: [0, 0]\n"

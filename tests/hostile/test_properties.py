@@ -12,11 +12,10 @@ from mutations import change_tree
 from test_broken_bytes import refused
 from victims import JSONS, KINDS, TEXTS
 
+from creative_nao.arrays import load_tensors, read_npz, save_tensors
 from creative_nao.errors import CreativeNaoError, FileFormatError
 from creative_nao.fields import Fields, is_plain_name, shown
-from creative_nao.npz import read_npz
-from creative_nao.tensorfile import load_tensors, save_tensors
-from creative_nao.untrusted import MAX_DEPTH, as_json, as_text
+from creative_nao.storage import MAX_DEPTH, as_json, as_text
 
 FAST = settings(
     deadline=None,  # time is bounded where a loader is called, on the processor: a busy machine is no fault of it

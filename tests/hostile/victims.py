@@ -18,26 +18,25 @@ import numpy as np
 
 from creative_nao import exchange, load_agent
 from creative_nao.agents.bundle import BundleHeader, save_bundle
-from creative_nao.agents.hyperparameters import check_entry, read_hyperparameters, resolve_policy_kwargs
 from creative_nao.agents.ppo import PPOSettings, build_policy
-from creative_nao.agents.training_record import TrainingRecord
+from creative_nao.agents.settings import check_entry, read_hyperparameters, resolve_policy_kwargs
+from creative_nao.agents.training import _rows
+from creative_nao.agents.training_state import TrainingRecord
 from creative_nao.agents.training_state import TrainingState as AgentState
-from creative_nao.agents.training_watch import _rows
 from creative_nao.cli.explore import choices
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
-from creative_nao.demonstrations.csv_format import load_trajectory, save_trajectory
+from creative_nao.demonstrations.files import load_trajectory, save_trajectory
 from creative_nao.envs import EnvState
-from creative_nao.envs.physical_chart import FIGURES, PhysicalMap
-from creative_nao.evaluation.folder import read_record, write_record
+from creative_nao.envs.physical_map import FIGURES, PhysicalMap
 from creative_nao.evaluation.jobs import Job, read_result, read_spec, write_result, write_spec
-from creative_nao.evaluation.publishing import with_record
+from creative_nao.evaluation.result_page import with_record
 from creative_nao.evaluation.results import read_results, write_results
+from creative_nao.evaluation.run import read_record, write_record
 from creative_nao.evaluation.suites import read_suite
-from creative_nao.explorer.session import Favourite, Session
+from creative_nao.explorer.state import Favourite, Session
+from creative_nao.maps import PBMap, pb_grid
 from creative_nao.model import Memory, NetworkSettings, TrainingSettings, train_network
-from creative_nao.model.checkpoint import load_checkpoint, save_checkpoint
-from creative_nao.model.engine import TrainingState
-from creative_nao.pb_space import PBMap, pb_grid
+from creative_nao.model.training import TrainingState, load_checkpoint, save_checkpoint
 
 NETWORK = NetworkSettings(layer_sizes=(3,), time_constants=(2.0,), n_softmax_units=2)
 TRAINING = TrainingSettings(n_epochs=1)
@@ -53,53 +52,49 @@ KINDS = (*TENSORS, *ARCHIVES, *TEXTS)
 
 READERS = {
     "creative_nao/agents/bundle.py": ("bundle", "zoo_bundle"),
-    "creative_nao/agents/hyperparameters.py": ("yaml",),
-    "creative_nao/agents/training_record.py": ("agent_checkpoint",),
-    "creative_nao/agents/training_watch.py": ("training_log",),
+    "creative_nao/agents/settings.py": ("yaml",),
+    "creative_nao/agents/training_state.py": ("agent_checkpoint",),
+    "creative_nao/agents/training.py": ("training_log",),
     "creative_nao/cli/explore.py": ("episodes",),
-    "creative_nao/demonstrations/csv_format.py": ("csv",),
-    "creative_nao/demonstrations/files.py": ("taught",),
-    "creative_nao/envs/physical_chart.py": ("physical", "unfinished"),
+    "creative_nao/demonstrations/files.py": ("csv", "taught"),
+    "creative_nao/envs/physical_map.py": ("physical", "unfinished"),
     "creative_nao/envs/state.py": ("state",),
-    "creative_nao/evaluation/folder.py": ("record", "published"),
+    "creative_nao/evaluation/run.py": ("record", "published"),
     "creative_nao/evaluation/jobs.py": ("job", "job_result"),
     "creative_nao/evaluation/results.py": ("results", "published"),
-    "creative_nao/evaluation/suites/reading.py": ("toml",),
-    "creative_nao/exchange/reading.py": ("motion_csv", "motion_json", "motion_ros", "motion_py", "motion_webots"),
+    "creative_nao/evaluation/suites.py": ("toml",),
+    "creative_nao/exchange/keys.py": ("motion_csv", "motion_json", "motion_ros", "motion_py", "motion_webots"),
     "creative_nao/exchange/tables.py": ("motion_npz",),
-    "creative_nao/explorer/session.py": ("session",),
-    "creative_nao/model/checkpoint.py": ("checkpoint",),
+    "creative_nao/explorer/state.py": ("session",),
+    "creative_nao/model/training.py": ("checkpoint",),
     "creative_nao/model/memory.py": ("memory",),
-    "creative_nao/pb_space/chart.py": ("map",),
+    "creative_nao/maps/map.py": ("map",),
 }
 """Modules that call a reader of `untrusted`, `npz` or `tensorfile`, and the kinds that try them."""
 
 OWN_FILES = {
-    "creative_nao/atomic.py": "the file it has just written",
+    "creative_nao/storage.py": "the file it has just written",
     "creative_nao/cli/dispatch.py": "the null device",
     "creative_nao/cli/doctor.py": "/proc/meminfo",
-    "creative_nao/evaluation/cluster.py": "what its own jobs wrote",
     "creative_nao/evaluation/gallery.py": "pictures it has just drawn",
-    "creative_nao/evaluation/paper/blocks.py": "pictures it has just drawn",
     "creative_nao/evaluation/paper/measuring.py": "figures it kept, done again when they do not fit",
-    "creative_nao/evaluation/paper/page.py": "results it has just written",
-    "creative_nao/evaluation/paper/publishing.py": "results it has just written, its style sheet",
+    "creative_nao/evaluation/paper/page.py": "results and pictures it has just written, its style sheet",
     "creative_nao/evaluation/paper/sensitivity.py": "figures it kept, done again when they do not fit",
-    "creative_nao/evaluation/remote.py": "what its own job wrote",
+    "creative_nao/evaluation/cluster.py": "what its own job wrote",
     "creative_nao/evaluation/runner.py": "logs of its own jobs",
     "creative_nao/explorer/page.py": "its style sheet",
-    "creative_nao/explorer/recordings.py": "the recording it has just written",
+    "creative_nao/explorer/panels.py": "the recording it has just written",
     "creative_nao/explorer/static_export.py": "files of the page",
     "creative_nao/explorer/teach_page.py": "its style sheets",
     "creative_nao/explorer/teach_training.py": "the memory it has just written",
-    "creative_nao/model/shipped.py": "scores that ship",
-    "creative_nao/provenance.py": "any file, for its hash only",
+    "creative_nao/model/memory.py": "scores that ship",
+    "creative_nao/runtime.py": "any file, for its hash only",
 }
 """Modules that open a file directly, and why no stranger's content gets in that way."""
 
 WRITERS = (
-    "creative_nao/agents/training_watch.py",
-    "creative_nao/evaluation/drawing.py", "creative_nao/exchange/tables.py", "creative_nao/pb_space/chart.py",
+    "creative_nao/agents/training.py",
+    "creative_nao/evaluation/plots.py", "creative_nao/exchange/tables.py", "creative_nao/maps/map.py",
 )  # fmt: skip
 """Modules that open files to write them."""
 
@@ -305,7 +300,7 @@ def _run_folder(folder: Path) -> dict[str, Victim]:
 
 
 def _ranked(results: dict[str, Any]) -> None:
-    from creative_nao.evaluation.leaderboard import leaderboard
+    from creative_nao.evaluation.tables import leaderboard
 
     leaderboard({"results.json": results})
 

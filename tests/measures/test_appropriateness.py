@@ -2,14 +2,7 @@ import numpy as np
 import pytest
 
 from creative_nao.errors import SettingsError, ShapeError
-from creative_nao.measures import (
-    Criteria,
-    excursion_limit,
-    excursions,
-    is_appropriate,
-    largest_speeds,
-    speed_limits,
-)
+from creative_nao.measures import Criteria, excursion_limit, excursions, is_appropriate, largest_speeds, speed_limits
 
 
 def ramp(speed, n_steps=10, joint=0, dt_s=0.1):

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from creative_nao.errors import SettingsError, ShapeError
-from creative_nao.measures import dtw, dtw_matrix
+from creative_nao.measures import _dtw_kernels, dtw, dtw_matrix
 from creative_nao.measures import dtw as dtw_function
-from creative_nao.measures.dtw_reference import dtw_reference
+from creative_nao.measures.dtw import dtw_reference
 
 # The public function hides the module of the same name.
 dtw_module = sys.modules[dtw_function.__module__]
@@ -178,9 +178,8 @@ def test_a_forked_process_can_still_measure(monkeypatch):
     """Threads do not survive a fork; a child that started them again would be ended by their library."""
     monkeypatch.setattr(dtw_module, "_threads_started_in", 1)
     monkeypatch.setattr(dtw_module, "SERIAL_CELLS", 0)
-    from creative_nao.measures import _lanes
 
-    monkeypatch.setattr(_lanes, "fill_parallel", None)
+    monkeypatch.setattr(_dtw_kernels, "fill_parallel", None)
     assert dtw([[0.0]], [[2.0]]) == 2.0
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from creative_nao.errors import SettingsError, ShapeError
-from creative_nao.measures import dtw_matrix, dtw_variants
-from creative_nao.measures.dtw_variants import dtw_variant_matrix
+from creative_nao.measures import dtw_matrix
+from creative_nao.measures.dtw import dtw_variant_matrix
 
 
 @functools.cache
@@ -106,5 +106,6 @@ def test_mistakes_are_named(a, b, settings, error, text):
 
 
 def test_the_example_says_what_happens():
-    result = doctest.testmod(dtw_variants)
-    assert (result.attempted, result.failed) == (1, 0)
+    finder = doctest.DocTestFinder().find(dtw_variant_matrix, globs={"dtw_variant_matrix": dtw_variant_matrix})
+    results = [doctest.DocTestRunner().run(test) for test in finder]
+    assert [(result.attempted, result.failed) for result in results] == [(1, 0)]

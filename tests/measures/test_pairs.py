@@ -3,7 +3,7 @@ import pytest
 
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures import dtw_matrix
-from creative_nao.measures.pairs import dtw_pairs
+from creative_nao.measures.dtw import dtw_pairs
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

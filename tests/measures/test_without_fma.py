@@ -14,7 +14,7 @@ features["fma"] = False
 llvmlite.binding.get_host_cpu_features = lambda: features  # numba compiles for it, too
 import numpy as np
 from creative_nao.measures import _cells, dtw_matrix, dtw_pairs
-from creative_nao.measures.dtw_reference import dtw_reference
+from creative_nao.measures.dtw import dtw_reference
 
 assert not _cells.FUSES
 values = np.random.default_rng(0).normal(size=(12, 9, 8))

@@ -5,10 +5,8 @@ import pytest
 import torch
 
 from creative_nao.errors import ShapeError
-from creative_nao.model.autograd import fused_loss
 from creative_nao.model.config import NetworkSettings
-from creative_nao.model.loss import kl_divergence
-from creative_nao.model.mtrnn import PBMTRNN
+from creative_nao.model.network import PBMTRNN, fused_loss, kl_divergence
 
 SMALL = NetworkSettings(layer_sizes=(7, 4), time_constants=(2, 5), n_softmax_units=5)
 

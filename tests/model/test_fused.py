@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from creative_nao.model.compiled_network import CompiledNetwork
-from creative_nao.model.config import NetworkSettings
-from creative_nao.model.fused import adam_step
-from creative_nao.model.loss import kl_divergence
-from creative_nao.model.mtrnn import PBMTRNN
-from creative_nao.model.parameters import views
+from creative_nao.model.compiled_training import CompiledNetwork, adam_step
+from creative_nao.model.config import NetworkSettings, views
+from creative_nao.model.network import PBMTRNN, kl_divergence
 
 PAPER = NetworkSettings()
 CASES = {

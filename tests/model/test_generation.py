@@ -3,8 +3,8 @@ import pytest
 import torch
 
 from creative_nao.errors import SettingsError, ShapeError
-from creative_nao.model.mtrnn import PBMTRNN
-from creative_nao.pb_space import pb_grid
+from creative_nao.maps import pb_grid
+from creative_nao.model.network import PBMTRNN
 
 
 def reference_generation(memory, pb, n_steps):

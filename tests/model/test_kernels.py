@@ -8,9 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from creative_nao.model.kernels import compiled, exp32, log32, tanh32
-from creative_nao.model.product import PANEL, multiply_panel
-from creative_nao.model.vectors import load8, load16, store
+from creative_nao.model.matmul import PANEL, multiply_panel
+from creative_nao.model.simd import compiled, exp32, load8, load16, log32, store, tanh32
 
 
 @compiled()
@@ -121,8 +120,8 @@ def test_a_transposed_factor_needs_no_copy():
 
 SOMEWHERE_ELSE = """
 import numpy as np
-from creative_nao.model.kernels import tanh32
-from creative_nao.model.product import PANEL, multiply_panel
+from creative_nao.model.simd import tanh32
+from creative_nao.model.matmul import PANEL, multiply_panel
 
 a, b, out = np.ones((7, 3), np.float32), np.ones((3, PANEL), np.float32), np.zeros(7 * PANEL, np.float32)
 multiply_panel(a.ravel(), 0, 3, 1, b.ravel(), 0, PANEL, 3, out, 0, PANEL, out, 0, PANEL, 7)

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from creative_nao.model.config import NetworkSettings
-from creative_nao.model.mtrnn import PBMTRNN
+from creative_nao.model.network import PBMTRNN
 
 SETTINGS = NetworkSettings(layer_sizes=(5, 4, 3), n_softmax_units=3)
 

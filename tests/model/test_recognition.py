@@ -6,12 +6,11 @@ import pytest
 from creative_nao import load_memory
 from creative_nao.demonstrations import Variation, keyframes, vary
 from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.maps import pb_grid
 from creative_nao.measures import dtw, dtw_matrix, score
 from creative_nao.model import NetworkSettings, TrainingSettings, train_network
-from creative_nao.model.error_regression import descend, distinct
-from creative_nao.model.recognition import even_cover, infer_pb
-from creative_nao.model.slopes import DifferentiableGenerator
-from creative_nao.pb_space import pb_grid
+from creative_nao.model.recognition import descend, distinct, even_cover, infer_pb
+from creative_nao.model.recognition_gradient import DifferentiableGenerator
 
 CELL = 2 / 199
 """Distance of two points of the paper's grid."""

@@ -4,7 +4,7 @@ import pytest
 from creative_nao import train
 from creative_nao.errors import SettingsError
 from creative_nao.model import NetworkSettings, TrainingSettings
-from creative_nao.model.schedule import candidates, closed_loop_ratios
+from creative_nao.model.config import candidates, closed_loop_ratios
 
 TINY = NetworkSettings(layer_sizes=(8, 4), time_constants=(2, 5), n_softmax_units=5)
 

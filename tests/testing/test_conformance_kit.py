@@ -10,14 +10,8 @@ from creative_nao import envs
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import CreativeNaoError
 from creative_nao.robot import Performer
-from creative_nao.testing import (
-    ConformanceError,
-    check_environment,
-    check_memory,
-    check_performer,
-    check_task,
-)
-from creative_nao.testing.environment import check_scores
+from creative_nao.testing import ConformanceError, check_environment, check_memory, check_performer, check_task
+from creative_nao.testing.conformance import check_scores
 
 MENTAL = "CreativeNao/BoxingMental-v0"
 

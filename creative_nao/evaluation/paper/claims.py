@@ -15,10 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from creative_nao.evaluation.paper.comparisons import Difference, decide, decide_rates, difference, rate
-from creative_nao.evaluation.paper.learning import LEVEL
-from creative_nao.evaluation.paper.reference import CONDITION_NAMES
-from creative_nao.evaluation.paper.summary import Figures, values_of
+from creative_nao.evaluation.paper.comparisons import (
+    CONDITION_NAMES,
+    CONVERGED_LEVEL,
+    Difference,
+    Figures,
+    decide,
+    decide_rates,
+    difference,
+    rate,
+    values_of,
+)
 
 OPEN, HALF, CLOSED = CONDITION_NAMES
 OWNED_PCT = 0.1
@@ -88,7 +95,7 @@ CLAIMS: tuple[Order | Everywhere, ...] = (
     Everywhere(
         "converges",
         "Learning converges in all conditions.",
-        f"the loss falls below {100 * LEVEL:g} % of its first value",
+        f"the loss falls below {100 * CONVERGED_LEVEL:g} % of its first value",
         lambda one: one["epochs_to_level"] is not None,
         CURVES,
         "best_loss",
@@ -107,7 +114,8 @@ CLAIMS: tuple[Order | Everywhere, ...] = (
         "open-fastest",
         "Open-loop training converges faster than the others.",
         "epochs_to_level_or_all",
-        f"epochs until the loss falls below {100 * LEVEL:g} % of its first value; all epochs where it never does",
+        f"epochs until the loss falls below {100 * CONVERGED_LEVEL:g} % of its first value; "
+        "all epochs where it never does",
         "epochs",
         _least(OPEN),
         CURVES,

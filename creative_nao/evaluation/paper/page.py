@@ -1,19 +1,30 @@
-"""The page about the reproduction, made from the result files alone: the same files give the same page."""
+"""The page about the reproduction, made from the result files alone: the same files give the same page.
+
+Also here:
+- Write the page of a run folder, and bring page, pictures and results into the documentation.
+"""
 
 from __future__ import annotations
 
+import json
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from creative_nao.errors import NotFoundError
-from creative_nao.evaluation.paper import sensitivity_page
-from creative_nao.evaluation.paper.blocks import Block, Bullets, Code, Heading, Picture, Table, Text
-from creative_nao.evaluation.paper.comparisons import FAILS, HOLDS, UNDECIDED
-from creative_nao.evaluation.paper.reference import CONDITION_NAMES, CONDITION_TITLES, FURTHER, TABLE_I
-from creative_nao.evaluation.paper.wording import (
+from creative_nao import storage
+from creative_nao.errors import NotFoundError, SettingsError
+from creative_nao.evaluation.paper import sensitivity
+from creative_nao.evaluation.paper.blocks import (
     SIGN,
+    Block,
+    Bullets,
+    Code,
+    Heading,
+    Picture,
+    Table,
+    Text,
     by_condition,
     evidence,
     listed,
@@ -21,8 +32,21 @@ from creative_nao.evaluation.paper.wording import (
     number,
     plural,
     range_cell,
+    to_html,
+    to_markdown,
 )
-from creative_nao.untrusted import as_json, read_text
+from creative_nao.evaluation.paper.comparisons import (
+    CONDITION_NAMES,
+    CONDITION_TITLES,
+    FAILS,
+    FURTHER,
+    HOLDS,
+    TABLE_I,
+    UNDECIDED,
+)
+from creative_nao.evaluation.results import naming
+from creative_nao.evaluation.run import read_record
+from creative_nao.storage import as_json, read_text
 
 FILES = ("run", "results", "claims", "figures", "sensitivity")
 PAPER = "[arXiv:1805.05537](https://arxiv.org/abs/1805.05537)"
@@ -82,7 +106,7 @@ def make_page(content: Content, *, results_at: str) -> list[Block]:
         *_table(content),
         *_claims(content),
         *_figures(content),
-        *(sensitivity_page.blocks(content.sensitivity) if content.sensitivity else []),
+        *(sensitivity.blocks(content.sensitivity) if content.sensitivity else []),
         *_limits(content),
         *_repeat(content, prefix),
     ]
@@ -153,7 +177,7 @@ def _in_short(content: Content) -> list[Block]:
         lines.append(f"{SIGN[UNDECIDED]}: " + " ".join(one["says"] for one in groups[UNDECIDED]))
     blocks.append(Bullets(tuple(lines)))
     if content.sensitivity:
-        changing = sensitivity_page.findings(content.sensitivity, only_changing=True)
+        changing = sensitivity.findings(content.sensitivity, only_changing=True)
         told = "What depends on the open choices" if changing else "No verdict that Table I decides depends on them"
         blocks.append(Text(f"{told} ([more below](#what-depends-on-which-open-choice)):" if changing else f"{told}."))
         blocks += [Bullets(tuple(changing))] if changing else []
@@ -301,3 +325,55 @@ def _repeat(content: Content, prefix: str) -> list[Block]:
             f"{content.run['platform']}, {content.run['created'][:10]}."
         ),
     ]
+
+
+RESULTS_AT = "results/paper"
+"""Where the documentation keeps the result files, seen from the page."""
+
+PAGE = "reproduction.md"
+
+
+def write_page(folder: Path) -> Path:
+    """Write `reproduction.md` and `report.html` of a run folder from its result files and pictures."""
+    with naming(f"results in {folder}"):
+        blocks = make_page(read_content(folder), results_at="")
+    style = (Path(__file__).parent / "report.css").read_text(encoding="utf-8")
+    storage.write_text(
+        folder / "report.html", to_html(blocks, style=style, image=lambda name: folder / "images" / f"{name}.png")
+    )
+    return storage.write_text(folder / PAGE, to_markdown(blocks))
+
+
+def publish(folder: Path, docs: Path) -> list[Path]:
+    """Bring the page of a run folder, its pictures and its result files into a documentation folder.
+
+    Args:
+        folder: Finished run folder.
+        docs: Folder of the documentation; `reproduction.md`, `images/paper_*.png` and `results/paper/` are replaced.
+
+    Returns:
+        What was written.
+
+    Raises:
+        SettingsError: If `docs` is no folder.
+    """
+    if not docs.is_dir():
+        raise SettingsError(f"--docs should name the folder of the documentation, but {docs} is none")
+    results = docs / RESULTS_AT
+    results.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name in (*(f"{name}.json" for name in FILES), "networks.csv"):
+        source, target = folder / name, results / name
+        if name == "run.json":
+            kept = {key: value for key, value in read_record(folder).items() if key != "hashes"}
+            written.append(storage.write_text(target, json.dumps(kept, indent=2, allow_nan=False) + "\n"))
+        elif source.is_file():
+            written.append(storage.write_bytes(target, source.read_bytes()))
+        else:
+            target.unlink(missing_ok=True)
+    (docs / "images").mkdir(exist_ok=True)
+    for picture in sorted((folder / "images").glob("paper_*.png")):
+        written.append(Path(shutil.copyfile(picture, docs / "images" / picture.name)))
+    with naming(f"results in {results}"):
+        blocks = make_page(read_content(results), results_at=RESULTS_AT)
+    return [*written, storage.write_text(docs / PAGE, to_markdown(blocks))]

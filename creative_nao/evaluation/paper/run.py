@@ -11,14 +11,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from creative_nao import atomic
-from creative_nao.cores import usable_cores
+from creative_nao import storage
 from creative_nao.errors import NotFoundError, SettingsError
-from creative_nao.evaluation.folder import RECORD, hashes, read_record, refuse_links, write_record
-from creative_nao.evaluation.paper.bank import Entry, Report, label, shipped_bank, train_bank, wanted_networks
+from creative_nao.evaluation.paper.bank import (
+    Entry,
+    PaperSettings,
+    Report,
+    label,
+    shipped_bank,
+    train_bank,
+    wanted_networks,
+)
 from creative_nao.evaluation.paper.claims import judge
+from creative_nao.evaluation.paper.comparisons import make_results, networks_csv
 from creative_nao.evaluation.paper.measuring import measure_entry
-from creative_nao.evaluation.paper.publishing import write_page
+from creative_nao.evaluation.paper.page import write_page
 from creative_nao.evaluation.paper.sensitivity import (
     RESCORE,
     SensitivitySettings,
@@ -26,11 +33,10 @@ from creative_nao.evaluation.paper.sensitivity import (
     study_scoring,
     study_training,
 )
-from creative_nao.evaluation.paper.settings import PaperSettings
-from creative_nao.evaluation.paper.summary import make_results, networks_csv
 from creative_nao.evaluation.paper.threads import in_threads
+from creative_nao.evaluation.run import RECORD, hashes, read_record, refuse_links, write_record
 from creative_nao.model import CONDITIONS
-from creative_nao.provenance import record
+from creative_nao.runtime import record, usable_cores
 
 Watch = Callable[[dict[str, int]], contextlib.AbstractContextManager[Report]]
 """Takes the units of work of each piece by its name, gives what to call as they are done."""
@@ -94,7 +100,7 @@ def reproduce(
     claims = judge(networks, seed=settings.seed)
     _write(folder / "results.json", results)
     _write(folder / "claims.json", claims)
-    atomic.write_text(folder / "networks.csv", networks_csv(networks))
+    storage.write_text(folder / "networks.csv", networks_csv(networks))
     if sensitivity is not None:
         # Two displays: a network scored again and an epoch of training are no common unit of time.
         with watch({RESCORE: len(bank)}) as report:
@@ -104,7 +110,7 @@ def reproduce(
         described = sensitivity.described()
         _write(folder / "sensitivity.json", {"settings": described, "scoring": scoring, "training": training})
     # Drawing is loaded here: a worker draws nothing.
-    from creative_nao.evaluation.paper.gallery import draw_pictures
+    from creative_nao.evaluation.paper.figures import draw_pictures
 
     shown = draw_pictures(folder, bank, networks, results["rows"], seed=settings.seed)
     _write(folder / "figures.json", {**shown, "failures": failures})
@@ -169,7 +175,7 @@ def _same_networks(folder: Path, kept: dict[str, Any], bank: Sequence[Entry]) ->
 
 
 def _write(path: Path, content: Any) -> None:
-    atomic.write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    storage.write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
 def _result_hashes(folder: Path) -> dict[str, str]:

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.evaluation.paper.combinations import combination_figures, mixtures
-from creative_nao.evaluation.paper.learning import epochs_to_level, unsteadiness
-from creative_nao.evaluation.paper.terrain import steep_step_pct
+from creative_nao.evaluation.paper.comparisons import epochs_to_level, unsteadiness
+from creative_nao.evaluation.paper.measuring import combination_figures, mixtures, steep_step_pct
+from creative_nao.maps import PBMap, pb_grid, pb_map
 from creative_nao.measures import score
-from creative_nao.pb_space import PBMap, pb_grid, pb_map
 
 
 def with_curve(memory, history, every=1):

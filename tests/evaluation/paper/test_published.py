@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from creative_nao.evaluation.paper.blocks import to_markdown
-from creative_nao.evaluation.paper.page import make_page, read_content
-from creative_nao.evaluation.paper.publishing import PAGE, RESULTS_AT
-from creative_nao.evaluation.paper.reference import TABLE_I
+from creative_nao.evaluation.paper.comparisons import TABLE_I
+from creative_nao.evaluation.paper.page import PAGE, RESULTS_AT, make_page, read_content
 
 DOCS = Path(__file__).parents[3] / "docs"
 TEXT = (DOCS / PAGE).read_text(encoding="utf-8")

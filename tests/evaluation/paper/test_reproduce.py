@@ -10,14 +10,11 @@ import pytest
 
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.evaluation.paper import run as run_module
-from creative_nao.evaluation.paper.bank import shipped_bank, train_bank
-from creative_nao.evaluation.paper.blocks import to_markdown
-from creative_nao.evaluation.paper.page import make_page, read_content
-from creative_nao.evaluation.paper.publishing import publish
-from creative_nao.evaluation.paper.reference import TABLE_I
+from creative_nao.evaluation.paper.bank import PaperSettings, paper_settings, shipped_bank, train_bank
+from creative_nao.evaluation.paper.blocks import mean_cell, to_markdown
+from creative_nao.evaluation.paper.comparisons import TABLE_I
+from creative_nao.evaluation.paper.page import make_page, publish, read_content
 from creative_nao.evaluation.paper.run import reproduce
-from creative_nao.evaluation.paper.settings import PaperSettings, paper_settings
-from creative_nao.evaluation.paper.wording import mean_cell
 from creative_nao.model import NetworkSettings, shipped_memories
 
 TINY = PaperSettings("quick", n_seeds=2, n_epochs=60, resolution=12, network=NetworkSettings(layer_sizes=(12, 6, 3)))
@@ -40,7 +37,7 @@ def undrawn(monkeypatch):
         path.write_bytes(b"not drawn")
         return path
 
-    monkeypatch.setattr("creative_nao.evaluation.paper.gallery.save", save)
+    monkeypatch.setattr("creative_nao.evaluation.paper.figures.save", save)
 
 
 def strict(path):
@@ -83,7 +80,7 @@ def test_one_worker_gives_the_same_bytes_as_two(reproduced, tmp_path, undrawn):
 
 def test_a_finished_run_is_continued_without_doing_anything_twice(reproduced, tmp_path, monkeypatch, undrawn):
     monkeypatch.setattr("creative_nao.evaluation.paper.measuring.measure", lambda *_: pytest.fail("measured again"))
-    monkeypatch.setattr("creative_nao.model.campaign.train_network", lambda *_, **__: pytest.fail("trained again"))
+    monkeypatch.setattr("creative_nao.model.multi_seed.train_network", lambda *_, **__: pytest.fail("trained again"))
     folder = shutil.copytree(reproduced.folder, tmp_path / "run")
     for name in RESULTS:
         (folder / name).unlink()

@@ -9,10 +9,16 @@ from creative_nao.evaluation.paper.blocks import (
     Picture,
     Table,
     Text,
+    by_condition,
+    compared,
+    evidence,
+    listed,
+    mean_cell,
+    number,
+    signed,
     to_html,
     to_markdown,
 )
-from creative_nao.evaluation.paper.wording import by_condition, compared, evidence, listed, mean_cell, number, signed
 
 PAGE = [
     Heading("A & B", 1),

@@ -4,20 +4,23 @@ import numpy as np
 import pytest
 
 from creative_nao.evaluation.paper.bank import Entry
-from creative_nao.evaluation.paper.rescoring import learned_threshold, rescore
 from creative_nao.evaluation.paper.sensitivity import (
     RESCORE,
+    SCORINGS,
+    TRAININGS,
     SensitivitySettings,
     epochs_of_training,
+    findings,
+    learned_threshold,
     order_of,
+    rescore,
+    retimed,
     study_scoring,
     study_training,
 )
-from creative_nao.evaluation.paper.sensitivity_page import findings
-from creative_nao.evaluation.paper.variants import SCORINGS, TRAININGS, retimed
+from creative_nao.maps import pb_grid
 from creative_nao.measures import table
 from creative_nao.model import NetworkSettings
-from creative_nao.pb_space import pb_grid
 
 BY_KEY = {one.key: one for one in SCORINGS}
 SMALL = SensitivitySettings(

@@ -1,0 +1,343 @@
+"""Random search: the floor that every search must beat.
+
+Also here:
+- Points that fill the PB space evenly, in an order that is even at every length.
+- The paper's baseline: the trained memory alone, sampled on its grid; no reinforcement learning.
+- What the robot was taught, again and again: the learned PB vectors, then points close to them.
+- Covariance matrix adaptation: a normal distribution that moves to where rewards are high.
+- Bayesian optimisation: a Gaussian process over the PB space, and the point it expects most of.
+- The ceiling: an agent that has computed the whole map of the memory before it chooses.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from creative_nao.agents.base import (
+    Agent,
+    BatchSearch,
+    Context,
+    MovementAgent,
+    at_least,
+    load_extra,
+    positive,
+    require_extra,
+)
+from creative_nao.errors import SettingsError
+from creative_nao.maps import PAPER_RESOLUTION, pb_grid, pb_map
+from creative_nao.measures import farthest_points
+
+
+class RandomAgent(Agent):
+    """Draws PB vectors uniformly from the square, whatever happened before."""
+
+    name: ClassVar[str] = "random"
+
+    def choose(self, observation: np.ndarray) -> np.ndarray:
+        """Return a point of the action space, shape (2,)."""
+        space = self.context.action_space
+        return self.context.rng.uniform(space.low, space.high)
+
+
+class SobolAgent(Agent):
+    """Plays a scrambled Sobol sequence over the action space, whatever happened before.
+
+    The floor for everything that only spreads its points: unlike random ones they leave no holes. Owen's scrambling
+    (scipy's `qmc.Sobol`) is drawn from the episode's generator.
+    """
+
+    name: ClassVar[str] = "sobol"
+
+    def start(self, context: Context) -> None:
+        """Draw the sequence."""
+        from scipy.stats import qmc
+
+        space = context.action_space
+        sequence = qmc.Sobol(space.shape[0], scramble=True, rng=context.rng)
+        # A whole power of two keeps the balance of the sequence; what the budget does not reach is left.
+        points = sequence.random_base2(max(context.n_actions - 1, 1).bit_length())
+        self._points = iter(space.low + points * (space.high - space.low))
+
+    def choose(self, observation: np.ndarray) -> np.ndarray:
+        """Return the next point of the sequence, shape (n_pb,)."""
+        return next(self._points)
+
+
+class SupervisedAgent(Agent):
+    """Draws points uniformly, without replacement, from the 200 x 200 grid over [-1, 1]^2.
+
+    The paper measures novelty and diversity on 30 trajectories drawn this way from the 40,000 that the network
+    generates: what supervised training alone brings to light.
+    """
+
+    name: ClassVar[str] = "supervised"
+
+    def start(self, context: Context) -> None:
+        """Draw the points of the whole episode at once.
+
+        Raises:
+            SettingsError: If the budget is larger than the grid.
+        """
+        grid = pb_grid(PAPER_RESOLUTION)
+        if context.n_actions > len(grid):
+            raise SettingsError(
+                f"`n_actions` should be at most {len(grid)}, the points of the grid that agent `{self.name}` draws "
+                f"from without replacement, but is {context.n_actions}"
+            )
+        self._drawn = iter(grid[context.rng.choice(len(grid), size=context.n_actions, replace=False)])
+
+    def choose(self, observation: np.ndarray) -> np.ndarray:
+        """Return the next point drawn, shape (2,)."""
+        return next(self._drawn)
+
+
+@dataclass(frozen=True)
+class ReplaySettings:
+    """How far replay strays.
+
+    Raises:
+        SettingsError: If a value is out of range; the message names the field.
+    """
+
+    spread: float = 0.1
+    """Standard deviation of the steps away from a learned PB vector, in each PB unit; the square is 2 wide."""
+
+    def __post_init__(self) -> None:
+        positive(self, "spread")
+
+
+class ReplayAgent(MovementAgent):
+    """Plays each learned PB vector once, then goes round them with a normal deviation, clipped to the space.
+
+    What comes of doing what was taught, and of doing it inexactly. It needs a memory that tells its learned PB vectors.
+    """
+
+    name: ClassVar[str] = "replay"
+
+    def __init__(self, settings: ReplaySettings | None = None):
+        self.settings = settings or ReplaySettings()
+
+    def start(self, context: Context) -> None:
+        """Read the learned PB vectors.
+
+        Raises:
+            SettingsError: If the context has no memory.
+        """
+        super().start(context)
+        if context.memory is None:
+            raise SettingsError(f"agent `{self.name}` plays learned PB vectors: `context.memory` should tell them")
+        self._learned = np.asarray(context.memory.pb, np.float64)
+        self._place = 0
+
+    def next_pb(self) -> np.ndarray:
+        """Return a learned PB vector or a point close to one, shape (n_pb,)."""
+        turn, which = divmod(self._place, len(self._learned))
+        self._place += 1
+        space, pb = self.context.action_space, self._learned[which]
+        if turn:
+            pb = pb + self.context.rng.normal(0.0, self.settings.spread, pb.shape)
+        return np.clip(pb, space.low, space.high)
+
+
+@dataclass(frozen=True)
+class CmaEsSettings:
+    """How CMA-ES searches.
+
+    Raises:
+        SettingsError: If a value is out of range; the message names the field.
+    """
+
+    population_size: int = 10
+    """Movements between two updates of the distribution."""
+    sigma: float = 0.8
+    """First standard deviation, in each PB unit, around the centre of the space; the square is 2 wide."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 4, "population_size")  # below, no two of them are parents
+        positive(self, "sigma")
+
+
+class CmaEsAgent(BatchSearch):
+    """CMA-ES (Hansen 2016, arXiv:1604.00772) of the package `cmaes`, maximising the reward of a single action.
+
+    What an action earns falls when something like it has joined the repertoire, so the optimum moves away from where
+    the search has been: CMA-ES follows it.
+
+    Raises:
+        MissingDependencyError: If `cmaes` is not installed.
+    """
+
+    name: ClassVar[str] = "cma_es"
+
+    def __init__(self, settings: CmaEsSettings | None = None):
+        require_extra(package="cmaes", extra="search", agent=self.name)
+        self.settings = settings or CmaEsSettings()
+
+    def prepare(self, context: Context, seed: int) -> None:
+        """Set the distribution up."""
+        cmaes = load_extra("cmaes", package="cmaes", extra="search", agent=self.name)
+        low, high = context.action_space.low.astype(np.float64), context.action_space.high.astype(np.float64)
+        self._search = cmaes.CMA(
+            mean=(low + high) / 2.0,
+            sigma=self.settings.sigma,
+            bounds=np.stack([low, high], axis=1),
+            population_size=self.settings.population_size,
+            seed=seed,
+        )
+
+    def propose(self) -> np.ndarray:
+        """Draw a population, shape (population_size, n_pb)."""
+        return np.stack([self._search.ask() for _ in range(self.settings.population_size)])
+
+    def receive(self, pb: np.ndarray, rewards: np.ndarray, descriptors: np.ndarray) -> None:
+        """Update the distribution; the package minimises."""
+        self._search.tell([(point, -reward) for point, reward in zip(pb, rewards.tolist(), strict=True)])
+
+
+@dataclass(frozen=True)
+class BayesianSettings:
+    """How Bayesian optimisation searches.
+
+    Raises:
+        SettingsError: If a value is out of range; the message names the field.
+    """
+
+    n_startup: int = 15
+    """Movements drawn uniformly before the Gaussian process decides."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 1, "n_startup")
+
+
+class BayesianAgent(MovementAgent):
+    """Bayesian optimisation by Optuna's `GPSampler`: Matern 5/2 kernel, logarithm of the expected improvement.
+
+    It models what a single action earned when it was tried. A movement earns less once something like it has joined the
+    repertoire, which the model takes for noise.
+
+    Raises:
+        MissingDependencyError: If Optuna is not installed.
+    """
+
+    name: ClassVar[str] = "bayesian"
+    learns_within_episode: ClassVar[bool] = True
+
+    def __init__(self, settings: BayesianSettings | None = None):
+        require_extra(package="optuna", extra="bayes", agent=self.name)
+        self.settings = settings or BayesianSettings()
+
+    def start(self, context: Context) -> None:
+        """Begin with an empty study."""
+        super().start(context)
+        self._optuna = load_extra("optuna", package="optuna", extra="bayes", agent=self.name)
+        space = context.action_space
+        ends = zip(space.low.tolist(), space.high.tolist(), strict=True)
+        uniform = self._optuna.distributions.FloatDistribution
+        self._space = {f"pb_{place}": uniform(low, high) for place, (low, high) in enumerate(ends, 1)}
+        with self._quiet():
+            sampler = self._optuna.samplers.GPSampler(
+                seed=int(context.rng.integers(2**31)), n_startup_trials=self.settings.n_startup
+            )
+            self._study = self._optuna.create_study(direction="maximize", sampler=sampler)
+
+    def next_pb(self) -> np.ndarray:
+        """Return the point with the largest expected improvement, shape (n_pb,)."""
+        with self._quiet():
+            self._trial = self._study.ask(self._space)
+        return np.array([self._trial.params[name] for name in self._space])
+
+    def judge(self, reward: float, info: Mapping[str, Any]) -> None:
+        """Add what the movement earned to the study."""
+        with self._quiet():
+            self._study.tell(self._trial, reward)
+
+    @contextmanager
+    def _quiet(self) -> Iterator[None]:
+        """Keep Optuna's log lines out of progress displays, and its verbosity as its user left it."""
+        logging = self._optuna.logging
+        before = logging.get_verbosity()
+        logging.set_verbosity(logging.WARNING)
+        try:
+            yield
+        finally:
+            logging.set_verbosity(before)
+
+
+@dataclass(frozen=True)
+class OracleSettings:
+    """How much the oracle computes beforehand.
+
+    Raises:
+        SettingsError: If a value is out of range; the message names the field.
+    """
+
+    resolution: int = PAPER_RESOLUTION
+    """Points along each axis of the map; 200 are 40,000 generated movements that no other agent is granted."""
+    n_planned: int = 30
+    """Choices worked out at a time; the next ones follow when they are needed."""
+
+    def __post_init__(self) -> None:
+        at_least(self, 2, "resolution")
+        at_least(self, 1, "n_planned")
+
+
+class OracleAgent(MovementAgent):
+    """Plays the greedy selection: each movement the farthest from the basic actions and from those before it.
+
+    It imagines the map, so that it is the ceiling where the imagined movement is scored; in physics it is a plan that
+    the body may refuse. It draws nothing at random: every seed gives the same choices. Where fewer movements are
+    appropriate than the budget allows, the last is repeated, which earns nothing.
+    """
+
+    name: ClassVar[str] = "oracle"
+    _last_plan: ClassVar[tuple[weakref.ref[Any], OracleSettings, np.ndarray] | None] = None
+    """The last plan made, of any oracle: repetitions of an episode chart their memory once."""
+
+    def __init__(self, settings: OracleSettings | None = None):
+        self.settings = settings or OracleSettings()
+
+    def start(self, context: Context) -> None:
+        """Compute the map, unless the last episode of an oracle was one of the same memory.
+
+        Raises:
+            SettingsError: If the context has no memory that can be charted, or nothing on the map is appropriate.
+        """
+        super().start(context)
+        if not hasattr(context.memory, "generate"):
+            raise SettingsError(
+                f"agent `{self.name}` charts the memory first: `context.memory` should generate movements, "
+                f"but is {type(context.memory).__name__}"
+            )
+        self._plan = self._plan_of(context.memory)
+        self._place = 0
+
+    def next_pb(self) -> np.ndarray:
+        """Return the next choice of the plan, shape (2,)."""
+        if self._place == len(self._plan) and len(self._plan) % self.settings.n_planned == 0:
+            self._plan = self._chosen(self.context.memory, self._place + self.settings.n_planned)
+        pb = self._plan[min(self._place, len(self._plan) - 1)]
+        self._place += 1
+        return pb
+
+    def _plan_of(self, memory: Any) -> np.ndarray:
+        last = OracleAgent._last_plan
+        if last is not None and last[0]() is memory and last[1] == self.settings:
+            return last[2]
+        plan = self._chosen(memory, self.settings.n_planned)
+        OracleAgent._last_plan = (weakref.ref(memory), self.settings, plan)
+        return plan
+
+    def _chosen(self, memory: Any, n_actions: int) -> np.ndarray:
+        """Return the first `n_actions` greedy choices; those of a shorter plan are their beginning."""
+        chart = pb_map(memory, resolution=self.settings.resolution)
+        assert chart.trajectories is not None
+        if not chart.appropriate.any():
+            raise SettingsError(f"agent `{self.name}`: nothing on the map of this memory is appropriate")
+        best = farthest_points(chart.trajectories, memory.demonstrations, n_actions, chart.appropriate)
+        return chart.pb[best.indices]

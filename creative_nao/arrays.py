@@ -1,0 +1,317 @@
+"""Files of named arrays with a JSON header, in the safetensors format: nothing in them can run.
+
+A memory, a checkpoint and an agent bundle are such files. Before the arrays are read, the frame is checked byte by
+byte, so that a torn or foreign file is named together with the part that is wrong.
+
+Also here:
+- Arrays out of NPZ files that anybody may have made: counted before they are unpacked, never unpickled.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import json
+import lzma
+import math
+import os
+import re
+import struct
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from creative_nao.errors import FileFormatError
+from creative_nao.fields import Fields, shown
+from creative_nao.storage import as_json, as_text, read_bytes, write_bytes
+
+MAX_HEADER_BYTES = 1_000_000
+MAX_FILE_BYTES = 256_000_000
+_DTYPES = ("F64", "F32", "F16", "I64", "I32", "I16", "I8", "U64", "U32", "U16", "U8", "BOOL")
+"""Kinds of values that NumPy has too."""
+
+
+def save_tensors(
+    path: str | os.PathLike[str], *, kind: str, header: dict[str, Any], tensors: dict[str, np.ndarray]
+) -> Path:
+    """Write `tensors` and a JSON-able `header` to one file, in one step, and return its path.
+
+    Args:
+        path: The file to make or replace.
+        kind: What the file holds, for example ``memory``; checked when it is read.
+        header: Everything that is not an array. Only what JSON can hold; no NaN.
+        tensors: Arrays by name.
+    """
+    from safetensors.numpy import save
+
+    # One entry only: the format keeps several in no fixed order, and equal content should give equal bytes.
+    metadata = {"creative_nao": json.dumps({"kind": kind, **header}, allow_nan=False)}
+    return write_bytes(path, save({name: np.asarray(a, order="C") for name, a in tensors.items()}, metadata))
+
+
+def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Read a file of `save_tensors`.
+
+    Returns:
+        The header and the arrays by name.
+
+    Raises:
+        NotFoundError: If there is no such file.
+        FileFormatError: If it is torn, foreign, too large or of another kind; the message names the part.
+    """
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    path = Path(path)
+    content = read_bytes(path, f"{kind} file", MAX_FILE_BYTES)
+    metadata = _check_frame(path, kind, content)
+    told = metadata.get("creative_nao")
+    if not isinstance(told, str):
+        raise FileFormatError(f"{path}: the JSON header of the {kind} is missing or broken")
+    header = as_json(told, f"{path}: the header of the {kind}")
+    if not isinstance(header, dict):
+        raise FileFormatError(f"{path}: the JSON header of the {kind} should be an object, but is {header!r:.40}")
+    found = header.pop("kind", None)
+    if found != kind:
+        raise FileFormatError(f"{path}: expected kind {kind!r}, but its header says kind {found!r}")
+    try:
+        return header, load(content)
+    except (SafetensorError, ValueError, KeyError, TypeError) as error:
+        raise FileFormatError(f"{path}: the arrays of the {kind} cannot be read: {error}") from error
+
+
+def _check_frame(path: Path, kind: str, content: bytes) -> dict[str, Any]:
+    """Check lengths and offsets of a safetensors file; return its metadata."""
+    if len(content) < 8:
+        raise FileFormatError(f"{path}: no {kind} file: the header length needs 8 bytes, the file has {len(content)}")
+    length = int.from_bytes(content[:8], "little")
+    if length > MAX_HEADER_BYTES:
+        raise FileFormatError(f"{path}: no {kind} file: its first 8 bytes announce a header of {length} bytes")
+    if 8 + length > len(content):
+        raise FileFormatError(f"{path}: the header is torn: {length} bytes announced, {len(content) - 8} are there")
+    foreign = f"{path}: no {kind} file: its header is not a safetensors header"
+    table = as_json(as_text(content[8 : 8 + length], foreign, "header"), foreign)
+    if not isinstance(table, dict):
+        raise FileFormatError(foreign)
+    metadata = table.pop("__metadata__", {})
+    if not isinstance(metadata, dict):
+        raise FileFormatError(f"{path}: no {kind} file: its header has no metadata")
+    available = len(content) - 8 - length
+    for name, entry in table.items():
+        described = Fields(entry, f"{path}: the array `{name[:60]}`")
+        ends = described.listed("data_offsets", most=2)
+        if len(ends) != 2 or any(type(end) is not int or end < 0 for end in ends):
+            raise described.refuse("data_offsets", "two places in the file")
+        if described.any("dtype") not in _DTYPES:
+            raise described.refuse("dtype", f"one of {', '.join(_DTYPES)}")
+        if ends[1] > available:
+            raise FileFormatError(
+                f"{path}: the array `{name[:60]}` is torn: it ends at byte {ends[1]} of the data, {available} are there"
+            )
+    return metadata
+
+
+def take(
+    path: str | os.PathLike[str],
+    tensors: dict[str, np.ndarray],
+    name: str,
+    shape: tuple[int | None, ...],
+    dtype: type[np.generic] | None = None,
+) -> np.ndarray:
+    """Return the array `name` after checking its shape (None matches any size) and that all values are finite.
+
+    Args:
+        path: The file, for messages.
+        tensors: Its arrays.
+        name: Which one.
+        shape: What it should be.
+        dtype: Kind of its values; None takes any floating kind.
+
+    Raises:
+        FileFormatError: If it is missing or does not fit; the message names the file and the array.
+    """
+    if name not in tensors:
+        raise FileFormatError(f"{path}: the array `{name}` is missing")
+    array = tensors[name]
+    fits = array.ndim == len(shape) and all(e in (None, n) for e, n in zip(shape, array.shape, strict=True))
+    if not fits:
+        expected = ", ".join("any" if e is None else str(e) for e in shape)
+        raise FileFormatError(f"{path}: the array `{name}` should have shape ({expected}), but has {array.shape}")
+    if dtype is not None and array.dtype != dtype:
+        raise FileFormatError(f"{path}: the array `{name}` should hold {np.dtype(dtype)}, but holds {array.dtype}")
+    if not np.issubdtype(array.dtype, np.floating) or not np.isfinite(array).all():
+        raise FileFormatError(f"{path}: the array `{name}` should hold finite numbers, but does not")
+    return array
+
+
+MAX_UNPACKED_BYTES = 256_000_000
+"""Most bytes that the arrays of one NPZ file may unpack to."""
+MAX_MEMBERS = 256
+_MAX_ARRAY_HEADER = 10_000
+_PLAIN_TYPE = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248]|U\d{1,9})", re.ASCII)
+"""Names of the kinds of values that are read, as NumPy writes them; it knows many more."""
+_BROKEN_ZIP = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, OSError, ValueError, KeyError, IndexError,
+    TypeError, NotImplementedError, RuntimeError, OverflowError, MemoryError,
+)  # fmt: skip
+
+
+def read_npz(path: Path, what: str, largest: int = MAX_UNPACKED_BYTES) -> dict[str, np.ndarray]:
+    """Return the arrays of an NPZ file.
+
+    The table of contents is read first; what would unpack to more than `largest` bytes is refused before anything is
+    unpacked, and an array is only made when its member holds as many bytes as its shape asks for.
+
+    Raises:
+        NotFoundError: If there is no such file.
+        FileFormatError: If it is torn, foreign, too large, or holds objects (a pickle); the message names the array.
+    """
+    return unpack_npz(path, what, read_bytes(path, what, largest), largest)
+
+
+def unpack_npz(path: Path, what: str, content: bytes, largest: int = MAX_UNPACKED_BYTES) -> dict[str, np.ndarray]:
+    """Return the arrays of an NPZ file whose bytes are `content`; see `read_npz`."""
+    where = f"{path}: not a {what}, or a torn one"
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            members = archive.infolist()
+            unpacked = sum(member.file_size for member in members)
+            if len(members) > MAX_MEMBERS or unpacked > largest:
+                raise FileFormatError(
+                    f"{path}: a {what} has at most {MAX_MEMBERS} arrays and {largest} bytes unpacked, but this file "
+                    f"announces {len(members)} and {unpacked}"
+                )
+            names = [_array_name(where, member.filename) for member in members]
+            if twice := sorted({name for name in names if names.count(name) > 1}):
+                raise FileFormatError(f"{where}: the array `{twice[0][:60]}` is in it twice")
+            return {name: _array(where, archive, member) for name, member in zip(names, members, strict=True)}
+    except FileFormatError:
+        raise
+    except _BROKEN_ZIP as error:
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise FileFormatError(f"{where}: no readable NPZ file: {reason}") from error
+
+
+def _array_name(where: str, member: str) -> str:
+    """Return the array's name; nothing is ever unpacked to disk, but a name that is a path tells a foreign file."""
+    name = member.removesuffix(".npy")
+    if name == member or not name or any(mark in name for mark in ("/", "\\", "\0", "..", ":")):
+        raise FileFormatError(f"{where}: the archive holds {member[:60]!r}, expected arrays as plain names with `.npy`")
+    return name
+
+
+def _array(file: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
+    where = f"{file}: the array `{_array_name(file, member.filename)[:60]}`"
+    with archive.open(member) as stream:
+        content = stream.read(member.file_size)  # `read()` would unpack all there is, whatever the contents announce
+    width = {1: 2, 2: 4, 3: 4}.get(content[6] if len(content) > 6 else 0)
+    if not content.startswith(b"\x93NUMPY") or width is None:
+        raise FileFormatError(f"{where} is not in NumPy's format")
+    start = 8 + width
+    length = int.from_bytes(content[8:start], "little")
+    if length > _MAX_ARRAY_HEADER:
+        raise FileFormatError(f"{where} announces a header of {length} bytes, expected at most {_MAX_ARRAY_HEADER}")
+    try:
+        header = ast.literal_eval(content[start : start + length].decode("utf-8").strip())
+        told, order, shape = header["descr"], header["fortran_order"], header["shape"]
+        if not isinstance(told, str) or not _PLAIN_TYPE.fullmatch(told):
+            held = _type_name(told)
+            raise FileFormatError(f"{where} holds {held}, expected numbers or text; objects are never unpickled")
+        dtype = np.dtype(told)
+        sound = isinstance(shape, tuple) and all(type(n) is int and n >= 0 for n in shape)
+    except FileFormatError:
+        raise
+    except (SyntaxError, ValueError, TypeError, KeyError, RecursionError, MemoryError) as error:
+        raise FileFormatError(f"{where} has a broken header") from error
+    data = content[start + length :]
+    if not sound or len(data) != math.prod(shape) * dtype.itemsize:
+        raise FileFormatError(f"{where} has {len(data)} bytes, which do not fit {dtype} of shape {str(shape)[:60]}")
+    if not dtype.itemsize:
+        raise FileFormatError(f"{where} holds texts of no length")
+    flat = np.frombuffer(data, dtype=dtype).astype(dtype.newbyteorder("="))
+    if dtype.kind == "U" and not _is_text(flat):
+        raise FileFormatError(f"{where} holds numbers that stand for no character")
+    return flat.reshape(shape, order="F" if order else "C")
+
+
+def _type_name(told: object) -> str:
+    return "object" if isinstance(told, str) and told.lstrip("|=<>").startswith("O") else shown(told)
+
+
+def _is_text(flat: np.ndarray) -> bool:
+    """Return whether every code is a character: Python falls over others, and halves of pairs cannot be written."""
+    codes = flat.view(np.uint32)
+    return not ((codes > 0x10FFFF) | ((codes >= 0xD800) & (codes < 0xE000))).any()
+
+
+def take_array(
+    path: Path,
+    arrays: dict[str, np.ndarray],
+    name: str,
+    shape: tuple[int, ...],
+    *,
+    kinds: str,
+    least: float = -math.inf,
+    most: float = math.inf,
+) -> np.ndarray:
+    """Return one of the arrays of `read_npz` after checking it.
+
+    Args:
+        path: The file, for messages.
+        arrays: All of its arrays.
+        name: Which one.
+        shape: Its shape.
+        kinds: NumPy's letters for the kinds of values it may hold: ``iu`` whole numbers, ``f`` floating ones.
+        least: Smallest value it may hold; NaN and infinities are refused in any case.
+        most: Largest value.
+
+    Raises:
+        FileFormatError: If it is missing or does not fit; the message names the file and the array.
+    """
+    if name not in arrays:
+        raise FileFormatError(f"{path}: `{name}` is missing; the file has {', '.join(arrays)[:200]}")
+    found = arrays[name]
+    if found.shape != shape:
+        raise FileFormatError(f"{path}: `{name}` should have shape {shape}, but has {found.shape}")
+    if found.dtype.kind not in kinds:
+        wanted = "floating numbers" if kinds == "f" else "whole numbers"
+        raise FileFormatError(f"{path}: `{name}` should hold {wanted}, but holds {found.dtype}")
+    if found.dtype.kind == "f" and not np.isfinite(found).all():
+        raise FileFormatError(f"{path}: `{name}` should hold finite numbers, but does not")
+    if found.size and not (least <= float(found.min()) and float(found.max()) <= most):
+        raise FileFormatError(
+            f"{path}: `{name}` should hold numbers from {least:g} to {most:g}, but reaches from {found.min()} to "
+            f"{found.max()}"
+        )
+    return found
+
+
+def take_header(path: Path, arrays: dict[str, np.ndarray], what: str) -> Fields:
+    """Return the JSON object that stands as bytes in the array `header`.
+
+    Raises:
+        FileFormatError: If it is missing, no bytes, or no JSON object.
+    """
+    found = arrays.get("header")
+    if found is None or found.dtype != np.uint8 or found.ndim != 1:
+        raise FileFormatError(f"{path}: not a {what}, or a torn one: the array `header` is missing or holds no bytes")
+    try:
+        text = found.tobytes().decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path}: byte {error.start} of its `header` is not UTF-8 text") from None
+    return Fields(as_json(text, f"{path}: `header`"), f"{path}: `header`")
+
+
+def take_record(header: Fields) -> dict[str, Any]:
+    """Return what a file says of its making; its `settings`, if there are any, are an object.
+
+    Raises:
+        FileFormatError: If it is no object.
+    """
+    record = header.object("record")
+    if "settings" in record:
+        record.object("settings")
+    return record.values

@@ -1,0 +1,226 @@
+"""What a memory holds, and the most that a search could get out of it: the ceiling for every agent.
+
+Also here:
+- What a job's process does: train a memory or an agent, judge an agent, or chart a memory.
+- A job's own process: `python -m creative_nao.evaluation.job_handlers SPEC.json FOLDER`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.spaces import Box
+
+from creative_nao import storage
+from creative_nao.agents.bundle import BundleHeader, save_bundle
+from creative_nao.agents.ppo import settings_from, train_ppo
+from creative_nao.demonstrations import Demonstrations, load_demonstrations
+from creative_nao.envs import ENVIRONMENTS
+from creative_nao.errors import CreativeNaoError
+from creative_nao.evaluation.jobs import Job, read_spec, write_result
+from creative_nao.evaluation.protocol import episode_to_json, play
+from creative_nao.evaluation.resolve_agents import make_entrant
+from creative_nao.maps import PBMap, pb_map
+from creative_nao.measures import OUTCOMES, farthest_points
+from creative_nao.model import Memory, TrainingSettings, train_network
+
+
+def chart_memory(
+    memory: Memory, resolution: int, n_actions: int, report: Callable[[float], None] = lambda _: None
+) -> tuple[PBMap, dict[str, Any]]:
+    """Score a memory's whole map and let the greedy oracle choose from it.
+
+    Args:
+        memory: The memory.
+        resolution: Points along each PB axis.
+        n_actions: Budget of the oracle.
+        report: Called with the share that is done.
+
+    Returns:
+        The map, and a dictionary of plain values: what the oracle chose, `oracle_pb` (n, 2), what each choice earned,
+        `oracle_rewards` (n,), and the share of each outcome on the map, `shares_pct`.
+    """
+    charted = pb_map(memory, resolution=resolution)
+    report(0.5)
+    assert charted.trajectories is not None
+    best = farthest_points(charted.trajectories, memory.demonstrations, n_actions, charted.appropriate)
+    return charted, {
+        "oracle_pb": charted.pb[best.indices].tolist(),
+        "oracle_rewards": best.rewards.tolist(),
+        "shares_pct": {outcome: charted.share_pct(outcome) for outcome in OUTCOMES},
+    }
+
+
+Report = Callable[[float], None]
+"""Takes the share of the work that is done."""
+
+
+def teach(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
+    """Train a memory on other demonstrations and write it; return how well it learned."""
+    start = time.perf_counter()
+    training = TrainingSettings(
+        closed_loop_ratio=spec["closed_loop_ratio"], n_epochs=spec["n_epochs"], seed=spec["seed"]
+    )
+    memory = train_network(
+        _demonstrations(spec),
+        training,
+        progress=lambda _, state: report(state.epoch / training.n_epochs),
+        command=f"creative-nao evaluate (memory {spec['memory']})",
+    )
+    memory.save(folder / spec["file"])
+    return {"memory": spec["memory"], "loss": float(min(memory.loss_history)), "seconds": time.perf_counter() - start}
+
+
+def _demonstrations(spec: dict[str, Any]) -> Demonstrations:
+    """Load the user's recordings, or teach the six actions again by a hand with another seed."""
+    if spec["demonstrations"] is not None:
+        return load_demonstrations(spec["demonstrations"])
+    from creative_nao.demonstrations import teaching  # loads MuJoCo
+
+    return teaching.as_demonstrations(teaching.teach(np.random.default_rng(spec["teaching_seed"])))
+
+
+def _found(memory: dict[str, Any], folder: Path) -> str:
+    """Return what an environment takes for a memory of a spec."""
+    return memory["name"] if memory["file"] is None else str(folder / memory["file"])
+
+
+def train(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
+    """Train an agent, write its bundle and return its training curve."""
+    start = time.perf_counter()
+    settings = settings_from(spec["settings"])
+    seed = int(np.random.SeedSequence([spec["base_seed"], spec["seed"]]).generate_state(1)[0] % 2**31)
+    policy, curve = train_ppo(
+        spec["env"],
+        settings=settings,
+        seed=seed,
+        env_kwargs={"memory": _found(spec["memory"], folder)},
+        progress=lambda done, planned: report(done / planned),
+    )
+    assert isinstance(policy.observation_space, Box)
+    assert isinstance(policy.action_space, Box)
+    header = BundleHeader(
+        agent=spec["agent"],
+        settings=settings,
+        env=spec["env"],
+        memory=spec["memory"]["name"],
+        seed=seed,
+        n_actions_training=settings.n_generated,
+        observation_space=policy.observation_space,
+        action_space=policy.action_space,
+    )
+    save_bundle(folder / spec["bundle"], header, policy)
+    return {
+        "seed": spec["seed"],
+        "n_actions": list(curve.n_actions),
+        "reward": list(curve.reward),
+        "seconds": time.perf_counter() - start,
+    }
+
+
+def judge(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
+    """Let an agent play one episode per environment, memory and seed; return the episodes."""
+    episodes = []
+    total = len(spec["envs"]) * len(spec["memories"]) * len(spec["seeds"])
+    for env_id in spec["envs"]:
+        for first, memory in enumerate(spec["memories"]):
+            budget = {"n_actions": spec["n_actions"]} if env_id in ENVIRONMENTS else {}
+            env = gym.make(env_id, memory=_found(memory, folder), **budget)
+            try:
+                for place, seed in enumerate(spec["seeds"], first * len(spec["seeds"])):
+                    agent = make_entrant(spec["agent"], folder / spec["bundles"][place] if spec["bundles"] else None)
+                    episode = play(
+                        agent,
+                        env,
+                        env_id=env_id,
+                        memory=memory["name"],
+                        seed=seed,
+                        base_seed=spec["base_seed"],
+                        n_actions=spec["n_actions"],
+                    )
+                    episodes.append(episode_to_json(episode))
+                    report(len(episodes) / total)
+            finally:
+                env.close()
+    return {"episodes": episodes}
+
+
+def chart(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
+    """Score the whole map of a memory, write it, and return what the greedy oracle earns on it."""
+    start = time.perf_counter()
+    env = gym.make(spec["env"], memory=_found(spec["memory"], folder))
+    try:
+        memory = env.unwrapped.memory  # pyright: ignore[reportAttributeAccessIssue]
+        charted, oracle = chart_memory(memory, spec["resolution"], spec["n_actions"], report)
+    finally:
+        env.close()
+    charted.save(folder / spec["chart"])
+    return {**oracle, "seconds": time.perf_counter() - start}
+
+
+WORK: dict[str, Callable[[dict[str, Any], Path, Report], dict[str, Any]]] = {
+    "teach": teach,
+    "train": train,
+    "play": judge,
+    "chart": chart,
+}
+
+
+REPORT_EVERY_S = 0.5
+PARENT = "CREATIVE_NAO_RUNNER"
+"""Environment variable with the process number of the runner."""
+
+
+def main(arguments: list[str]) -> int:
+    """Do the job described in the file `arguments[0]` for the run folder `arguments[1]`; return the exit code."""
+    _leave_with_the_runner()
+    job, folder = read_spec(Path(arguments[0])), Path(arguments[1])
+    try:
+        write_result(job, folder, WORK[job.kind](job.spec, folder, _Reporter(job, folder)))
+    except CreativeNaoError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+    except OSError as error:
+        if error.errno not in storage.DISK_FAULTS:
+            raise
+        sys.stderr.write(f"{error.filename}: {error.strerror}\n")
+        return 2
+    return 0
+
+
+class _Reporter:
+    """Writes the share that is done, not oftener than it is read."""
+
+    def __init__(self, job: Job, folder: Path):
+        self.path, self.last = job.progress_path(folder), 0.0
+
+    def __call__(self, share: float) -> None:
+        if time.monotonic() - self.last >= REPORT_EVERY_S:
+            self.last = time.monotonic()
+            storage.write_text(self.path, f"{share:.4f}")
+
+
+def _leave_with_the_runner() -> None:
+    """End this process when its runner is gone: nobody would collect the result, and the core is wanted elsewhere."""
+    runner = os.environ.get(PARENT)
+    if runner is None:
+        return
+
+    def watch() -> None:
+        while os.getppid() == int(runner):
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,392 @@
+"""Figures of numbers: learning curves (the paper's Fig. 2) and Table I as dots with intervals.
+
+Also here:
+- Figures of movements as joint curves (the paper's Fig. 3): the basic actions and examples of generated ones.
+- Figures of maps: the three conditions side by side (Fig. 4), every network's map, and a walk through one (Fig. 5).
+- All figures of the reproduction, drawn and written, with what their captions need to know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from creative_nao.demonstrations import Demonstrations
+from creative_nao.evaluation.paper.bank import Entry
+from creative_nao.evaluation.paper.comparisons import (
+    CONDITION_COLOURS,
+    CONDITION_LINES,
+    CONDITION_MARKERS,
+    CONDITION_NAMES,
+    CONDITION_TITLES,
+    TABLE_I,
+    Figures,
+    values_of,
+)
+from creative_nao.evaluation.paper.measuring import chart_path
+from creative_nao.evaluation.plots import STYLE, figure, save
+from creative_nao.maps import PBMap
+from creative_nao.maps.colours import BASIC_ACTIONS, INK, action_letter
+from creative_nao.maps.picture import draw_on, legend_handles, map_image
+from creative_nao.measures import farthest_points, score
+from creative_nao.model import Memory
+
+N_POINTS = 400
+"""Points of a drawn learning curve; each is the median over its stretch of epochs."""
+
+
+def learning_curves(memories: Mapping[str, Sequence[Memory]]) -> Figure:
+    """Draw loss against epochs: median and range over the networks of a condition, and one network of each.
+
+    Args:
+        memories: Networks of each condition, lowest seed first.
+    """
+    drawn, (many, one) = figure(9.4, 3.9, 1, 2, sharey=True, sharex=True)
+    for condition in CONDITION_NAMES:
+        mine = memories[condition]
+        style: dict[str, Any] = {"color": CONDITION_COLOURS[condition], "linestyle": CONDITION_LINES[condition]}
+        curves = [_thinned(memory) for memory in mine]
+        epochs = curves[0][0]
+        losses = np.array([loss for _, loss in curves])
+        many.fill_between(epochs, losses.min(axis=0), losses.max(axis=0), color=style["color"], alpha=0.16, linewidth=0)
+        many.plot(epochs, np.median(losses, axis=0), linewidth=1.8, label=CONDITION_TITLES[condition], **style)
+        history = mine[0].loss_history
+        one.plot(1 + mine[0].loss_every * np.arange(len(history)), history, color=style["color"], linewidth=0.8)
+    n_networks = [len(memories[condition]) for condition in CONDITION_NAMES]
+    told = str(n_networks[0]) if len(set(n_networks)) == 1 else " / ".join(map(str, n_networks))
+    word = "network" if max(n_networks) == 1 else "networks"
+    many.set(yscale="log", xlabel="epoch", ylabel="loss", title=f"Median and range, {told} {word} a condition")
+    many.locator_params(axis="x", nbins=5)
+    many.xaxis.set_major_formatter("{x:,.0f}")
+    one.set(xlabel="epoch", title=f"One network each, seed {memories['half'][0].training.seed}")
+    drawn.legend(*many.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return drawn
+
+
+def table_dots(networks: Sequence[Figures], rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Draw Table I: every network a dot, the mean over seeds with its 95 % interval, the paper's network a cross."""
+    drawn, axes = figure(10.4, 3.7, 1, len(TABLE_I))
+    for ax, measure in zip(axes, TABLE_I, strict=True):
+        values = values_of(networks, measure.field)
+        for place, condition in enumerate(CONDITION_NAMES):
+            row = next(one for one in rows if one["memory"] == condition)
+            colour = CONDITION_COLOURS[condition]
+            mine = values[condition]
+            spread = np.linspace(-0.11, 0.11, len(mine)) if len(mine) > 1 else np.zeros(len(mine))
+            ax.scatter(place - 0.17 + spread, mine, s=13, color=colour, alpha=0.5, linewidths=0)
+            _mean(ax, place + 0.14, row[measure.field], condition)
+            ax.plot(place + 0.34, measure.paper[condition], "x", color=INK, markersize=7, markeredgewidth=1.8)
+        ax.set_xticks(range(len(CONDITION_NAMES)), CONDITION_NAMES)
+        ax.set(title=f"{measure.title} [{measure.unit}]", xlim=(-0.55, len(CONDITION_NAMES) - 0.4))
+        largest = max([*measure.paper.values(), *(value for mine in values.values() for value in mine)])
+        ax.set_ylim(0.0, 103.0 if measure.field == "appropriateness_pct" else 1.08 * largest)
+        ax.grid(axis="x", visible=False)
+    drawn.supxlabel("training condition", fontsize=10)
+    drawn.legend(handles=_legend(), loc="outside upper center", ncols=3, fontsize=9.5)
+    return drawn
+
+
+def _mean(ax: Axes, place: float, measured: Mapping[str, Any] | None, condition: str) -> None:
+    if measured is None:
+        return
+    colour = CONDITION_COLOURS[condition]
+    if measured["low"] is not None:
+        ax.vlines(place, measured["low"], measured["high"], color=colour, linewidth=3.2, capstyle="round")
+    marker = CONDITION_MARKERS[condition]
+    ax.plot(place, measured["mean"], marker, color="white", markeredgecolor=colour, markeredgewidth=1.8, markersize=7)
+
+
+def _legend() -> list[Any]:
+    from matplotlib.lines import Line2D
+
+    colour = CONDITION_COLOURS["open"]
+    return [
+        Line2D([], [], marker="o", linestyle="", color=colour, alpha=0.5, markersize=4, label="one network"),
+        Line2D(
+            [], [], marker="o", color=colour, linewidth=3.2, markerfacecolor="white", markeredgewidth=1.8,
+            markersize=7, label="mean over seeds, 95 % interval",
+        ),
+        Line2D(
+            [], [], marker="x", linestyle="", color=INK, markeredgewidth=1.8, markersize=7, label="the paper's network"
+        ),
+    ]  # fmt: skip
+
+
+def _thinned(memory: Memory) -> tuple[np.ndarray, np.ndarray]:
+    """Return epochs and loss of a memory's curve, the median over each stretch."""
+    history = memory.loss_history.astype(np.float64)
+    n = min(N_POINTS, len(history))
+    parts = np.array_split(np.arange(len(history)), n)
+    epochs = np.array([1 + memory.loss_every * float(part.mean()) for part in parts])
+    return epochs, np.array([np.median(history[part]) for part in parts])
+
+
+RIGHT: Any = "-"
+LEFT: Any = (0, (3, 1.5))
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """A movement worth showing.
+
+    Attributes:
+        title: What it is.
+        trajectory: Joint angles [rad], shape (n_steps, n_joints).
+    """
+
+    title: str
+    trajectory: np.ndarray
+
+
+def basic_actions(demos: Demonstrations) -> Figure:
+    """Draw every basic action."""
+    taught = zip(demos.names, demos.trajectories, strict=True)
+    return _panels(demos, [Example(name.replace("_", " "), trajectory) for name, trajectory in taught], 3)
+
+
+def examples(
+    memories: Sequence[Memory],
+    charts: Sequence[PBMap],
+    combinations: Sequence[dict | None],
+    rng: np.random.Generator,
+) -> tuple[Figure, str]:
+    """Draw movements that cannot be used and movements that are new.
+
+    The rule: a fluctuating one and a non-moving one, each drawn at random from the first map that has any; the two
+    most novel ones of the first map, by greedy search over the whole of it; the clearest combination of the first
+    memory that has one.
+
+    Args:
+        memories: The memories, the one to be shown first.
+        charts: Their maps.
+        combinations: Entry `clearest_combination` of each memory's figures.
+        rng: Draws the first two.
+
+    Returns:
+        The figure, and what is missing from it, in words.
+    """
+    memory, demos = memories[0], memories[0].demonstrations
+    shown, missing = [], []
+    for outcome in ("fluctuating", "non_moving"):
+        word = outcome.replace("_", "-")
+        for owner, charted in zip(memories, charts, strict=True):
+            points = np.flatnonzero(charted.outcome == outcome)
+            if len(points):
+                pb = charted.pb[rng.choice(points)]
+                shown.append(Example(f"{word}: {owner.name} at {_place(pb)}", owner.generate(pb[None])[0]))
+                break
+        else:
+            missing.append(f"no map has a {word} movement")
+    generated = memory.generate(charts[0].pb)
+    best = farthest_points(generated, demos, 2, charts[0].appropriate)
+    for place, index in enumerate(best.indices):
+        rank = ("most novel", "then most novel")[place]
+        shown.append(Example(f"{rank}: {memory.name} at {_place(charts[0].pb[index])}", generated[index]))
+    for owner, combination in zip(memories, combinations, strict=True):
+        if combination is None:
+            continue
+        first, second = (combination[key].replace("_", " ") for key in ("first", "second"))
+        joined = f"{first}, then {second}" if combination["kind"] == "in time" else f"right arm {first}, left {second}"
+        trajectory = owner.generate(np.array([combination["pb"]]))[0]
+        shown.append(Example(f"{owner.name}: {joined}", trajectory))
+        break
+    else:
+        missing.append("no map has a combination of two basic actions among the points that were looked at")
+    return _panels(demos, shown, 2), "; ".join(missing)
+
+
+def draw_movement(ax: Axes, trajectory: np.ndarray, demos: Demonstrations, title: str = "") -> None:
+    """Draw one movement: right arm solid, left arm dashed, a colour for each pair of joints."""
+    seconds = demos.dt_s * np.arange(len(trajectory))
+    pairs = list(dict.fromkeys(joint[1:] for joint in demos.joints))
+    for joint, angles in zip(demos.joints, trajectory.T, strict=True):
+        colour = BASIC_ACTIONS[pairs.index(joint[1:]) % len(BASIC_ACTIONS)]
+        ax.plot(seconds, angles, color=colour, linestyle=RIGHT if joint.startswith("R") else LEFT, linewidth=1.3)
+    ax.set_title(title, fontsize=9.5)
+    ax.set_xlim(0.0, seconds[-1])
+
+
+def joint_legend(demos: Demonstrations) -> list[Line2D]:
+    """Return legend entries of the joints and of the two arms."""
+    pairs = list(dict.fromkeys(joint[1:] for joint in demos.joints))
+    handles = [Line2D([], [], color=BASIC_ACTIONS[k % len(BASIC_ACTIONS)], label=pair) for k, pair in enumerate(pairs)]
+    arms = (("right arm", RIGHT), ("left arm", LEFT))
+    return [*handles, *(Line2D([], [], color=INK, linestyle=style, label=word) for word, style in arms)]
+
+
+def _panels(demos: Demonstrations, shown: Sequence[Example], n_columns: int) -> Figure:
+    n_rows = -(-len(shown) // n_columns)
+    drawn, axes = figure(9.4, 2.1 * n_rows + 0.9, n_rows, n_columns, sharex=True, sharey=True)
+    for ax, example in zip(axes, shown, strict=False):
+        draw_movement(ax, example.trajectory, demos, example.title)
+    for ax in axes[len(shown) :]:
+        ax.remove()
+    for ax in axes[max(0, len(shown) - n_columns) : len(shown)]:
+        ax.tick_params(labelbottom=True)
+    drawn.supxlabel("time [s]", fontsize=10)
+    drawn.supylabel("joint angle [rad]", fontsize=10)
+    drawn.legend(handles=joint_legend(demos), loc="outside upper center", ncols=6, fontsize=9)
+    return drawn
+
+
+def _place(pb: np.ndarray) -> str:
+    return f"({pb[0]:+.2f}, {pb[1]:+.2f})"
+
+
+WALK = ("right_straight", "left_jab")
+"""The walk goes along the straight line between the learned PB values of these two, the pair of the paper's Fig. 5."""
+
+N_STOPS = 6
+"""Evenly spaced points of the walk, both ends among them."""
+
+MAPS_PER_ROW = 8
+
+
+def three_maps(charts: Mapping[str, PBMap]) -> Figure:
+    """Draw one map of each condition side by side."""
+    drawn, axes = figure(11.0, 4.5, 1, len(CONDITION_NAMES))
+    for ax, condition in zip(axes, CONDITION_NAMES, strict=True):
+        charted = charts[condition]
+        draw_on(ax, charted)
+        ax.grid(visible=False)
+        learned, usable = charted.share_pct("learned"), 100.0 * float(charted.appropriate.mean())
+        ax.set_title(f"{CONDITION_TITLES[condition]}\n{usable:.0f} % usable, {learned:.0f} % learned", fontsize=10)
+        ax.set(xticks=[-1, 0, 1], yticks=[-1, 0, 1])
+    drawn.legend(handles=_plain_legend(charts["half"]), loc="outside lower center", ncols=4, fontsize=9)
+    return drawn
+
+
+def all_maps(charts: Mapping[str, Sequence[tuple[int, PBMap]]]) -> Figure:
+    """Draw every network's map, small: condition by condition, seed by seed."""
+    rows = [
+        (condition, charts[condition][start : start + MAPS_PER_ROW])
+        for condition in CONDITION_NAMES
+        for start in range(0, len(charts[condition]), MAPS_PER_ROW)
+    ]
+    n_columns = max(3, max(len(row) for _, row in rows))
+    drawn, axes = figure(10.8, 10.2 / n_columns * len(rows) * 1.12 + 0.6, len(rows), n_columns)
+    for place, ax in enumerate(axes):
+        condition, row = rows[place // n_columns]
+        column = place % n_columns
+        ax.axis("off")
+        if column < len(row):
+            seed, charted = row[column]
+            ax.imshow(map_image(charted), origin="lower", interpolation="nearest", extent=(-1, 1, -1, 1))
+            ax.plot(*charted.learned_pb.T, "o", color="white", markeredgecolor=INK, markersize=2.6, markeredgewidth=0.7)
+            ax.set_title(f"{condition} {seed}", fontsize=8, loc="center")
+            ax.grid(visible=False)
+    drawn.legend(handles=_plain_legend(charts["half"][0][1]), loc="outside lower center", ncols=4, fontsize=9)
+    return drawn
+
+
+def walk_points(memory: Memory) -> tuple[np.ndarray, tuple[str, str]]:
+    """Return the PB values of the walk, shape (6, 2), and the two basic actions between which it goes."""
+    names = memory.demonstrations.names
+    first, last = WALK if set(WALK) <= set(names) else (names[0], names[-1])
+    begin, end = (memory.pb[names.index(name)] for name in (first, last))
+    share = np.linspace(0.0, 1.0, N_STOPS)[:, None]
+    return (1.0 - share) * begin + share * end, (first, last)
+
+
+def walk(memory: Memory, charted: PBMap) -> Figure:
+    """Draw a map with six points on a straight line and the movements that they generate."""
+    points, _ = walk_points(memory)
+    generated = memory.generate(points)
+    scores = score(generated, memory.demonstrations)
+    drawn = Figure(figsize=(10.8, 6.6), layout="constrained")
+    left, right = np.asarray(drawn.subfigures(1, 2, width_ratios=(1.0, 1.25))).ravel()
+    ax = left.subplots()
+    draw_on(ax, charted)
+    ax.grid(visible=False)
+    ax.plot(*points.T, "-", color="white", linewidth=2.6)
+    ax.plot(*points.T, "-", color=INK, linewidth=1.2)
+    for place, point in enumerate(points):
+        ax.plot(*point, "o", color="white", markeredgecolor=INK, markersize=13, markeredgewidth=1.3, zorder=3)
+        ax.annotate(
+            str(place + 1), point, ha="center", va="center", fontsize=8.5, weight="bold", zorder=4, color=INK
+        )  # fmt: skip
+    ax.set_title(f"Memory {memory.name}", fontsize=10)
+    panels = right.subplots(3, 2, sharex=True, sharey=True)
+    for place, panel in enumerate(panels.ravel()):
+        nearest = memory.demonstrations.names[scores.nearest[place]]
+        letter = action_letter(int(scores.nearest[place]))
+        told = f"{scores.outcome[place].replace('_', '-')}, nearest {letter} {nearest.replace('_', ' ')}"
+        draw_movement(panel, generated[place], memory.demonstrations)
+        panel.set_title(f"{place + 1}: {told}\nPB ({points[place, 0]:+.2f}, {points[place, 1]:+.2f}), "
+                        f"DTW {scores.novelty[place]:.1f}", fontsize=8.5)  # fmt: skip
+    for panel in panels[-1]:
+        panel.set_xlabel("time [s]")
+    right.supylabel("joint angle [rad]", fontsize=10)
+    left.legend(handles=_plain_legend(charted), loc="outside lower center", ncols=2, fontsize=8.5)
+    right.legend(handles=joint_legend(memory.demonstrations), loc="outside lower center", ncols=3, fontsize=8.5)
+    return drawn
+
+
+def _plain_legend(charted: PBMap) -> list:
+    """Return the legend of a map without the shares, which belong to one map alone."""
+    handles = legend_handles(charted)
+    for handle in handles:
+        handle.set_label(handle.get_label().split("  (")[0])
+    return handles
+
+
+def draw_pictures(
+    folder: Path,
+    bank: Sequence[Entry],
+    networks: Sequence[Figures],
+    rows: Sequence[Mapping[str, Any]],
+    *,
+    seed: int,
+) -> dict[str, Any]:
+    """Draw every figure into the subfolder `images` of a run folder.
+
+    Args:
+        folder: Run folder with the maps.
+        bank: The networks.
+        networks: Their figures, in the same order.
+        rows: The rows of `results.json`.
+        seed: Draws the examples.
+
+    Returns:
+        What the captions say: the seed that is shown, the walk, what is missing from the examples.
+    """
+    memories = {entry.name: entry.load() for entry in bank}
+    charts = {entry.name: PBMap.load(chart_path(folder, entry)) for entry in bank}
+    per = {name: [entry for entry in bank if entry.condition == name] for name in CONDITION_NAMES}
+    shown = {name: per[name][0] for name in CONDITION_NAMES}
+    half = memories[shown["half"].name]
+    # Half closed first, as in the paper's Fig. 3 and 5, then the others.
+    ordered = sorted(bank, key=lambda entry: entry.condition != "half")
+    combinations = {one["name"]: one["clearest_combination"] for one in networks}
+    images = folder / "images"
+    with matplotlib.rc_context(STYLE):
+        by_condition = {name: [memories[entry.name] for entry in per[name]] for name in CONDITION_NAMES}
+        save(learning_curves(by_condition), images / "paper_learning.png")
+        save(table_dots(networks, rows), images / "paper_table.png")
+        save(basic_actions(half.demonstrations), images / "paper_actions.png")
+        example_figure, missing = examples(
+            [memories[entry.name] for entry in ordered],
+            [charts[entry.name] for entry in ordered],
+            [combinations[entry.name] for entry in ordered],
+            np.random.default_rng(seed),
+        )
+        save(example_figure, images / "paper_examples.png")
+        save(three_maps({name: charts[entry.name] for name, entry in shown.items()}), images / "paper_maps.png")
+        several = {name: [(entry.seed, charts[entry.name]) for entry in per[name]] for name in CONDITION_NAMES}
+        save(all_maps(several), images / "paper_all_maps.png")
+        save(walk(half, charts[shown["half"].name]), images / "paper_walk.png")
+    points, between = walk_points(half)
+    return {
+        "shown_seed": shown["half"].seed,
+        "n_epochs": sorted({memory.training.n_epochs for memory in memories.values()}),
+        "examples_missing": missing,
+        "walk": {"memory": half.name, "between": list(between), "pb": points.tolist()},
+    }

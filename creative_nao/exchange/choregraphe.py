@@ -1,0 +1,333 @@
+"""NAOqi's own form, names, times and angles as parallel lists: as JSON, and how such lists become keys.
+
+The JSON object maps one to one onto `ALMotion.angleInterpolation(names, angles, times, isAbsolute)`; it needs neither
+Choregraphe nor this package. Every bit of every angle comes back, times to the nanosecond.
+
+Also here:
+- Key lists out of a Python file as Choregraphe exports it, or as `naoqi_script.py` writes it. The file is never run.
+- A movement as a program for the robot: plain Python 2.7 or 3, no package needed but the robot's own.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from creative_nao import storage
+from creative_nao.demonstrations.resampling import resample
+from creative_nao.errors import FileFormatError
+from creative_nao.exchange import keys as reading
+from creative_nao.exchange.keys import APPROACH_SPEED_RAD_S, Keys, Motion
+
+FORMAT_NAME = "creative-nao key lists"
+_UNITS = {"rad": "radians", "radian": "radians", "radians": "radians"}
+_UNITS |= {"deg": "degrees", "degree": "degrees", "degrees": "degrees"}
+
+
+def write_json(motion: Motion, path: Path) -> list[str]:
+    """Write names, times [s], angles [rad], isAbsolute and metadata; the first key leaves time to get there."""
+    lead = motion.lead_s()
+    times = motion.times_s(lead)
+    found = {
+        "format": FORMAT_NAME,
+        "unit": "radians",
+        "dt_s": motion.dt_s,
+        "isAbsolute": True,
+        "names": list(motion.joints),
+        "times": [times] * len(motion.joints),
+        "angles": motion.angles.T.tolist(),
+        "metadata": motion.metadata,
+    }
+    lines = [f"  {json.dumps(name)}: {_rows(value)}" for name, value in found.items()]
+    storage.write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
+    return [f"the first posture is reached after {lead:g} s"]
+
+
+def _rows(value: Any) -> str:
+    """One joint a line: readable, and short enough to compare by eye."""
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return "[\n    " + ",\n    ".join(json.dumps(row) for row in value) + "\n  ]"
+    return json.dumps(value, allow_nan=False)
+
+
+def read_json(path: Path, content: bytes) -> Keys:
+    """Read an object with `names`, `times` and `angles` (or `keys`); times may be one list for all joints.
+
+    Raises:
+        FileFormatError: If a list is missing or of the wrong kind, or the angles are relative.
+    """
+    found = reading.as_json(path, reading.as_text(path, content))
+    angles = found.get("angles", found.get("keys"))
+    if angles is None or "names" not in found or "times" not in found:
+        raise FileFormatError(
+            f"{path}: should hold `names`, `times` and `angles`, "
+            f"but holds {', '.join(map(str, found))[:200] or 'nothing'}."
+        )
+    if not found.get("isAbsolute", True):
+        raise FileFormatError(f"{path}: angles are relative (isAbsolute is false); expected absolute ones.")
+    unit = found.get("unit")
+    if unit is not None and str(unit).lower() not in _UNITS:
+        raise FileFormatError(f"{path}: `unit` is {str(unit)[:40]!r}, expected radians or degrees.")
+    keys = keys_of(path, found["names"], found["times"], angles)
+    keys.unit = None if unit is None else _UNITS[str(unit).lower()]
+    metadata = found.get("metadata", {})
+    keys.metadata = metadata if isinstance(metadata, dict) else {}
+    return keys
+
+
+def keys_of(path: Path, names: object, times: object, angles: object) -> Keys:
+    """Turn three parallel lists into keys; a key may be an angle or an angle with its two Bezier handles.
+
+    Raises:
+        FileFormatError: If they are not lists of numbers of matching lengths.
+    """
+    joints = reading.names(names, path, "`names`")
+    when, where = reading.listed(times, path, "`times`"), reading.listed(angles, path, "`angles`")
+    if when and not isinstance(when[0], list | tuple):
+        when = [when] * len(joints)
+    if len(when) != len(joints) or len(where) != len(joints):
+        raise FileFormatError(
+            f"{path}: {len(joints)} names, {len(when)} lists of times and {len(where)} lists of angles, "
+            "expected as many of each."
+        )
+    bent = False
+    all_times, all_angles = [], []
+    for joint, row_times, row_angles in zip(joints, when, where, strict=True):
+        row = reading.listed(row_angles, path, f"`angles` of {joint[:40]}")
+        bent = bent or any(isinstance(key, list | tuple) for key in row)
+        all_angles.append(np.array([_angle(key, path, joint) for key in row], dtype=np.float64))
+        row = reading.listed(row_times, path, f"`times` of {joint[:40]}")
+        all_times.append(np.array([reading.number(t, path, f"a time of {joint[:40]}") for t in row], dtype=np.float64))
+    notes = ["Bezier handles were left out; between keys a monotone cubic is taken"] if bent else []
+    return Keys(joints, all_times, all_angles, notes=notes)
+
+
+def _angle(key: object, path: Path, joint: str) -> float:
+    value = key[0] if isinstance(key, list | tuple) and len(key) == 3 else key
+    return reading.number(value, path, f"an angle of {joint[:40]}")
+
+
+MAX_PYTHON_BYTES = 2_000_000
+"""A syntax tree takes a hundred times the room of its text."""
+
+_LISTS = {
+    "names": "names", "jointNames": "names", "joint_names": "names",
+    "times": "times", "timeLists": "times", "time_lists": "times",
+    "keys": "keys", "angles": "keys", "angleLists": "keys", "angle_lists": "keys",
+}  # fmt: skip
+"""Names under which the three lists are known."""
+
+
+def read_python(path: Path, content: bytes) -> Keys:
+    """Read the three lists of a Python file without running it.
+
+    Raises:
+        FileFormatError: If it is not Python, or a list is missing, given twice, or not made of literals.
+    """
+    if len(content) > MAX_PYTHON_BYTES:
+        raise FileFormatError(
+            f"{path}: has {len(content)} bytes, expected at most {MAX_PYTHON_BYTES} of a Python file."
+        )
+    text = _without_print_statements(reading.as_text(path, content))
+    try:
+        tree = ast.parse(text)
+        found = _gathered(path, tree)
+    except (SyntaxError, ValueError, RecursionError, MemoryError, OverflowError) as error:
+        if isinstance(error, FileFormatError):
+            raise
+        line = getattr(error, "lineno", None)
+        place = f"line {line}: " if line else ""
+        reason = "is nested too deeply" if isinstance(error, RecursionError | MemoryError) else "is not Python text"
+        raise FileFormatError(f"{path}: {place}{reason} ({str(error)[:80]}).") from None
+    missing = [name for name in ("names", "times", "keys") if not found.get(name)]
+    if missing:
+        raise FileFormatError(
+            f"{path}: no list of {' and '.join(missing)}; expected names, times and keys (or angles)."
+        )
+    return keys_of(path, found["names"], found["times"], found["keys"])
+
+
+def _gathered(path: Path, tree: ast.Module) -> dict[str, list[Any]]:
+    """Return what is assigned and appended to the three lists, in the order of the lines."""
+    found: dict[str, list[Any]] = {}
+    statements = [node for node in ast.walk(tree) if isinstance(node, ast.Assign | ast.AnnAssign | ast.Expr)]
+    for node in sorted(statements, key=lambda node: node.lineno):
+        if isinstance(node, ast.Expr):
+            call = node.value
+            if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "append":
+                name = _list_name(call.func.value)
+                if name and len(call.args) == 1:
+                    found.setdefault(name, []).append(_literal(path, call.args[0], name))
+            continue
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        for name in filter(None, map(_list_name, targets)):
+            if found.get(name):
+                raise FileFormatError(
+                    f"{path}: line {node.lineno}: `{name}` begins anew; the file holds more than one movement, "
+                    "keep one."
+                )
+            found[name] = [] if node.value is None or _is_empty(node.value) else _list(path, node.value, name)
+    return found
+
+
+def _list_name(node: ast.expr) -> str:
+    name = node.id if isinstance(node, ast.Name) else node.attr if isinstance(node, ast.Attribute) else ""
+    return _LISTS.get(name, "")
+
+
+def _is_empty(node: ast.expr) -> bool:
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "list" and not node.args
+
+
+def _list(path: Path, node: ast.expr, name: str) -> list[Any]:
+    return reading.listed(_literal(path, node, name), path, f"line {node.lineno}: `{name}`")
+
+
+def _literal(path: Path, node: ast.expr, name: str) -> Any:
+    try:
+        return ast.literal_eval(node)
+    except (ValueError, TypeError, SyntaxError):
+        raise FileFormatError(
+            f"{path}: line {node.lineno}: `{name}` should hold plain numbers and texts, but holds an expression; "
+            "it is not run."
+        ) from None
+
+
+def _without_print_statements(text: str) -> str:
+    """Make exports written for Python 2 readable: their `print err` and `except X, err` are no syntax today."""
+    lines = text.splitlines()
+    for place, line in enumerate(lines):
+        bare = line.strip()
+        space = line[: len(line) - len(line.lstrip())]
+        if bare.startswith("print ") and not bare.startswith("print ("):
+            lines[place] = f"{space}pass"
+        elif bare.startswith("except ") and bare.endswith(":") and "," in bare and "(" not in bare:
+            lines[place] = f"{space}except Exception:"
+    return "\n".join(lines)
+
+
+MAX_KEYS_PER_S = 50
+"""The robot's motion process takes a new target every 20 ms; more keys would be lost."""
+
+_SHORTEST_S = 1.0 / MAX_KEYS_PER_S
+
+_HEAD = '''#!/usr/bin/env python
+# -*- coding: ascii -*-
+"""Let a NAO perform a recorded movement of its arms, or print what it would do.
+
+    python {file} --ip 192.168.1.12 --slower 3     first, slowly
+    python {file} --ip 192.168.1.12
+
+The robot must stand or sit safely and have room for its arms. Stiffness of the arm joints is raised for the movement
+and set back afterwards. Without --ip, or where neither naoqi nor qi is installed, this is a dry run.
+Needs Python 2.7 or 3.
+"""
+from __future__ import print_function
+
+import argparse
+import json
+import sys
+
+# Angles are absolute [rad], times in seconds from the start of the call. The first key leaves the time to reach the
+# first posture from anywhere at {approach} rad/s at most.
+'''
+
+_TAIL = '''
+
+def connect(ip, port):
+    """Return the robot's motion service, or None where no library to reach a robot is installed."""
+    try:
+        from naoqi import ALProxy
+    except ImportError:
+        try:
+            import qi
+        except ImportError:
+            return None
+        session = qi.Session()
+        session.connect("tcp://%s:%d" % (ip, port))
+        return session.service("ALMotion")
+    return ALProxy("ALMotion", ip, port)
+
+
+def dry_run(when, stiffness):
+    """Print what the robot would be asked."""
+    print("dry run: nothing is sent to a robot")
+    print("source: %s" % json.dumps(metadata.get("source", "unknown")))  # ASCII, whatever the console
+    print("stiffness %.2f, %d joints, %.2f s, first posture after %.2f s" % (
+        stiffness, len(names), when[0][-1], when[0][0]))
+    for name, one_times, one_keys in zip(names, when, keys):
+        steps = zip(one_keys[1:], one_keys[:-1], one_times[1:], one_times[:-1])
+        fastest = max([abs(b - a) / (t - s) for b, a, t, s in steps] or [0.0])
+        print("%-16s %4d keys, %7.3f to %7.3f rad, up to %5.2f rad/s" % (
+            name, len(one_keys), min(one_keys), max(one_keys), fastest))
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Perform a recorded movement on a NAO.")
+    parser.add_argument("--ip", default="", help="address of the robot; without it this is a dry run")
+    parser.add_argument("--port", type=int, default=9559, help="port of the robot (default: 9559)")
+    parser.add_argument("--stiffness", type=float, default=0.8, help="0 to 1, of the arm joints (default: 0.8)")
+    parser.add_argument("--slower", type=float, default=1.0, help="how many times slower, at least 1 (default: 1)")
+    parser.add_argument("--dry-run", action="store_true", help="print what would be done")
+    options = parser.parse_args()
+    if not 0.0 < options.stiffness <= 1.0:
+        parser.error("--stiffness should be above 0 and at most 1")
+    if not options.slower >= 1.0:
+        parser.error("--slower should be at least 1")
+    when = [[t * options.slower for t in one] for one in times]
+    motion = None
+    if options.ip and not options.dry_run:
+        motion = connect(options.ip, options.port)
+        if motion is None:
+            print("neither naoqi nor qi is installed", file=sys.stderr)
+    if motion is None:
+        dry_run(when, options.stiffness)
+        return 0
+    before = motion.getStiffnesses(names)
+    motion.stiffnessInterpolation(names, [options.stiffness] * len(names), [0.5] * len(names))
+    try:
+        motion.angleInterpolation(names, keys, when, True)
+    finally:
+        motion.stiffnessInterpolation(names, list(before), [1.0] * len(names))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
+'''
+
+
+def script(motion: Motion, file: str = "movement.py") -> str:
+    """Return the program's text; `file` is the name by which its help calls it."""
+    lead = motion.lead_s()
+    times = motion.times_s(lead)
+    called = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in file)
+    lines = [
+        f"names = {_naoqi_script_rows([ascii(joint) for joint in motion.joints])}",
+        f"times = {_naoqi_script_rows([repr(times)] * len(motion.joints))}",
+        f"keys = {_naoqi_script_rows([repr(column.tolist()) for column in motion.angles.T])}",
+        f"metadata = json.loads({json.dumps(motion.metadata)!a})",
+    ]
+    return _HEAD.format(file=called, approach=APPROACH_SPEED_RAD_S) + "\n".join(lines) + "\n" + _TAIL
+
+
+def write_script(motion: Motion, path: Path) -> list[str]:
+    """Write the program; finer ticks than 20 ms are brought to 20 ms first."""
+    notes = []
+    if motion.dt_s < _SHORTEST_S * (1.0 - 1e-9):
+        notes.append(f"keys every {motion.dt_s:g} s brought to {_SHORTEST_S:g} s, {MAX_KEYS_PER_S} a second")
+        times = np.arange(len(motion.angles)) * motion.dt_s
+        fine = resample(times, motion.angles, _SHORTEST_S) if len(times) > 1 else motion.angles
+        motion = dataclasses.replace(motion, angles=fine, dt_s=_SHORTEST_S)
+    storage.write_text(path, script(motion, path.name))
+    path.chmod(path.stat().st_mode | 0o111)
+    return [*notes, f"the first posture is reached after {motion.lead_s():g} s"]
+
+
+def _naoqi_script_rows(values: list[str]) -> str:
+    return "[\n    " + ",\n    ".join(values) + ",\n]"

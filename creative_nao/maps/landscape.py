@@ -1,0 +1,247 @@
+"""The shape of a PB map in numbers: how much of it each action fills, in how many pieces, and how rugged it is.
+
+Two readings of a map are kept apart, since they answer different questions. A *learned region* is made of cells where a
+basic action comes back (outcome `learned`). A *nearest region* is made of appropriate cells whose nearest basic action
+is the same, learned or not: the coloured areas of Fig. 4. Cells that cannot be used belong to neither.
+
+Also here:
+- The compiled heart of `regions.py`: which cells of a grid hang together.
+- Connected regions of a chart, and the borders between them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from creative_nao.errors import SettingsError
+from creative_nao.maps.map import PBMap, neighbour_pairs
+from creative_nao.measures import OUTCOMES, dtw_pairs
+from creative_nao.model import Memory
+from creative_nao.model.simd import compiled
+
+
+@compiled()
+def first_cells(labels):
+    """Return for each cell of `labels`, (n_rows, n_columns) of int, the first cell of its region, (n_cells,)."""
+    n_rows, n_columns = labels.shape
+    root = np.arange(n_rows * n_columns)
+    for i in range(n_rows):
+        for j in range(n_columns):
+            for side in range(2):
+                if (side == 0 and j > 0 and labels[i, j - 1] == labels[i, j]) or (
+                    side == 1 and i > 0 and labels[i - 1, j] == labels[i, j]
+                ):
+                    a = i * n_columns + j
+                    b = a - 1 if side == 0 else a - n_columns
+                    while root[a] != a:
+                        root[a] = root[root[a]]
+                        a = root[a]
+                    while root[b] != b:
+                        root[b] = root[root[b]]
+                        b = root[b]
+                    if a < b:
+                        root[b] = a
+                    else:
+                        root[a] = b
+    for cell in range(root.shape[0]):  # a root is the smallest of its region, so one pass in order is enough
+        root[cell] = root[root[cell]]
+    return root
+
+
+class Regions(NamedTuple):
+    """The connected regions of a labelled grid.
+
+    Attributes:
+        region: Region of each cell, numbered from 0 in the order of their first cells; -1 where the label is negative.
+            Shape of the grid.
+        label: Label of each region, shape (n_regions,).
+        size: Cells of each region, shape (n_regions,).
+    """
+
+    region: np.ndarray
+    label: np.ndarray
+    size: np.ndarray
+
+
+def connected_regions(labels: np.ndarray) -> Regions:
+    """Join neighbouring cells of equal label; each cell has four neighbours, corners do not touch.
+
+    Args:
+        labels: Shape (n_rows, n_columns) of int; cells with a negative label belong to no region.
+
+    Example:
+        >>> connected_regions(np.array([[0, 1, 0], [0, 1, -1]])).region.tolist()
+        [[0, 1, 2], [0, 1, -1]]
+    """
+    root = first_cells(np.ascontiguousarray(labels, dtype=np.int64))
+    firsts = np.flatnonzero((root == np.arange(root.size)) & (labels.ravel() >= 0))
+    number = np.full(root.size, -1)
+    number[firsts] = np.arange(len(firsts))
+    region = np.where(labels >= 0, number[root].reshape(labels.shape), -1)
+    sizes = np.bincount(region[region >= 0], minlength=len(firsts))
+    return Regions(region, labels.ravel()[firsts], sizes)
+
+
+def n_border_edges(labels: np.ndarray) -> int:
+    """Return how many pairs of neighbouring cells of a grid have different labels."""
+    return int((labels[1:] != labels[:-1]).sum() + (labels[:, 1:] != labels[:, :-1]).sum())
+
+
+@dataclass(frozen=True)
+class ActionRegions:
+    """What one basic action fills of a map, in one of the two readings.
+
+    Attributes:
+        share_pct: Share of all cells [%].
+        n_regions: Connected regions; cells have four neighbours.
+        largest_pct: Share of the largest of them [%].
+    """
+
+    share_pct: float
+    n_regions: int
+    largest_pct: float
+
+
+@dataclass(frozen=True)
+class Ruggedness:
+    """How fast the movement changes from a cell to the next: DTW distance of neighbours [rad].
+
+    Attributes:
+        mean: Over all pairs of neighbours.
+        median: Of them.
+        p95: 95th percentile of them.
+        mean_appropriate: Mean over the pairs whose both cells are appropriate; None if there is no such pair.
+    """
+
+    mean: float
+    median: float
+    p95: float
+    mean_appropriate: float | None
+
+
+@dataclass(frozen=True)
+class Landscape:
+    """A PB map in numbers. All depend on the resolution; only maps of the same resolution compare.
+
+    Attributes:
+        resolution: Points along each axis.
+        outcome_pct: Share of each outcome [%].
+        learned: Learned regions of each basic action.
+        nearest: Nearest regions of each basic action.
+        learned_evenness: How evenly the learned cells are shared among the basic actions: entropy of their shares over
+            its maximum, 1 if all are equal, 0 if one has everything; None if no cell is learned.
+        nearest_evenness: The same of the nearest regions; None if no cell is appropriate.
+        border_length: Length of all borders between cells of different colour, a colour being the nearest basic action
+            or, where it cannot be used, the outcome; in PB units, of which a side of the map has 2. Borders of a rugged
+            map are crinkled and grow with the resolution.
+        learned_border_length: Length of the borders around the learned regions.
+        ruggedness: None if the trajectories are neither in the map nor generated again.
+    """
+
+    resolution: int
+    outcome_pct: dict[str, float]
+    learned: dict[str, ActionRegions]
+    nearest: dict[str, ActionRegions]
+    learned_evenness: float | None
+    nearest_evenness: float | None
+    border_length: float
+    learned_border_length: float
+    ruggedness: Ruggedness | None
+
+    @property
+    def n_learned_regions(self) -> int:
+        """Number of learned regions of all actions."""
+        return sum(action.n_regions for action in self.learned.values())
+
+    @property
+    def n_nearest_regions(self) -> int:
+        """Number of nearest regions of all actions."""
+        return sum(action.n_regions for action in self.nearest.values())
+
+    def figures(self) -> dict[str, Any]:
+        """Return everything as plain JSON values."""
+        return dataclasses.asdict(self)
+
+
+def landscape(pb_map: PBMap, memory: Memory | None = None) -> Landscape:
+    """Measure the shape of a map.
+
+    Args:
+        pb_map: The map.
+        memory: Generates the trajectories again, for the ruggedness, where the map, read from a file, has none.
+
+    Raises:
+        SettingsError: If the map is not of `memory`.
+    """
+    n = pb_map.resolution
+    labels = np.where(pb_map.appropriate, pb_map.nearest, -1).reshape(n, n)
+    learned_labels = np.where(pb_map.outcome == "learned", pb_map.nearest, -1).reshape(n, n)
+    colours = labels.copy()
+    for place, outcome in enumerate(OUTCOMES):
+        unusable = (pb_map.outcome == outcome).reshape(n, n) & (labels < 0)
+        colours[unusable] = -2 - place
+    cell = 2.0 / (n - 1)
+    learned, nearest = _by_action(learned_labels, pb_map.names), _by_action(labels, pb_map.names)
+    return Landscape(
+        resolution=n,
+        outcome_pct={outcome: pb_map.share_pct(outcome) for outcome in OUTCOMES},
+        learned=learned,
+        nearest=nearest,
+        learned_evenness=evenness([action.share_pct for action in learned.values()]),
+        nearest_evenness=evenness([action.share_pct for action in nearest.values()]),
+        border_length=cell * n_border_edges(colours),
+        learned_border_length=cell * n_border_edges(learned_labels),
+        ruggedness=_ruggedness(pb_map, memory),
+    )
+
+
+def evenness(sizes: list[float] | np.ndarray) -> float | None:
+    """Return the entropy of the shares of `sizes` over its maximum, ln of their number; None if all are zero.
+
+    Example:
+        >>> evenness([5, 5]), evenness([0, 9]), round(evenness([1, 3]), 3)
+        (1.0, 0.0, 0.811)
+    """
+    weights = np.asarray(sizes, dtype=np.float64)
+    if not weights.sum() > 0:
+        return None
+    if len(weights) == 1:
+        return 1.0
+    shares = weights[weights > 0] / weights.sum()
+    return float(abs((shares * np.log(shares)).sum()) / np.log(len(weights)))
+
+
+def _by_action(labels: np.ndarray, names: tuple[str, ...]) -> dict[str, ActionRegions]:
+    regions = connected_regions(labels)
+    found = {}
+    for place, name in enumerate(names):
+        sizes = regions.size[regions.label == place]
+        percent = 100.0 / labels.size
+        found[name] = ActionRegions(float(sizes.sum() * percent), len(sizes), float(sizes.max(initial=0) * percent))
+    return found
+
+
+def _ruggedness(pb_map: PBMap, memory: Memory | None) -> Ruggedness | None:
+    trajectories = pb_map.trajectories
+    if trajectories is None:
+        if memory is None:
+            return None
+        if not np.array_equal(memory.pb, pb_map.learned_pb):
+            raise SettingsError(
+                f"`memory` should be the one of the map, {pb_map.record.get('settings', {}).get('memory', '')}, but "
+                f"{memory.name} learned its basic actions at other PB values"
+            )
+        trajectories = memory.generate(pb_map.pb)
+    first, second = neighbour_pairs(pb_map.resolution)
+    distances = dtw_pairs(trajectories, first, second)
+    usable = pb_map.appropriate[first] & pb_map.appropriate[second]
+    return Ruggedness(
+        mean=float(distances.mean()),
+        median=float(np.median(distances)),
+        p95=float(np.percentile(distances, 95)),
+        mean_appropriate=float(distances[usable].mean()) if usable.any() else None,
+    )

@@ -1,0 +1,239 @@
+"""Which generated actions a robot could be asked to do: not too fast, and not standing still.
+
+Also here:
+- What each generated action is: learned, unlearned, fluctuating or non-moving, and how far from what was taught.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.measures.dtw import Trajectories, dtw_matrix
+
+BLOCK = 4096
+"""Trajectories looked at together, so that a map of 40,000 needs little memory beside its own."""
+
+
+class BasicActions(Protocol):
+    """What the measures need of a set of basic actions: `demonstrations.Demonstrations` has it, and more."""
+
+    @property
+    def trajectories(self) -> Sequence[np.ndarray]:
+        """Joint angles of each action [rad], each of shape (n_steps, n_joints)."""
+        ...
+
+    @property
+    def dt_s(self) -> float:
+        """Time from one posture to the next [s], of the basic actions and of everything compared with them."""
+        ...
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """Where the paper draws the lines between outcomes; its values are the defaults.
+
+    Attributes:
+        speed_factor: An action is `fluctuating` above this multiple of the basic actions' largest joint speed.
+        excursion_share: It is `non_moving` when no joint travels this share of what the least moving basic action
+            travels. The paper gives no figure; a share has no unit and fits any robot.
+        learned_threshold: An appropriate action is `learned` up to this distance from a basic action [rad], else
+            `unlearned`.
+        per_joint: Whether each joint has its own speed limit. By default the fastest joint sets it for all: joints
+            that hardly move in the basic actions would otherwise forbid almost everything.
+    """
+
+    speed_factor: float = 1.5
+    excursion_share: float = 0.1
+    learned_threshold: float = 10.0
+    per_joint: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse values that make no criterion."""
+        for name in ("speed_factor", "excursion_share", "learned_threshold"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise SettingsError(f"`{name}` should be a number, 0 or larger, but is {value}.")
+
+
+PAPER_CRITERIA = Criteria()
+"""The default everywhere."""
+
+
+def largest_speeds(trajectories: Trajectories, dt_s: float) -> np.ndarray:
+    """Return the largest speed of each joint in each trajectory [rad/s], shape (n, n_joints).
+
+    Speed is the change between two postures divided by the time between them; a single posture has none.
+
+    Args:
+        trajectories: A list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array [rad].
+        dt_s: Time from one posture to the next [s].
+    """
+    found = [np.abs(np.diff(block, axis=1)).max(axis=1, initial=0.0) for block in _blocks(trajectories)]
+    return np.concatenate(found) / dt_s if found else np.zeros((0, 0))
+
+
+def excursions(trajectories: Trajectories) -> np.ndarray:
+    """Return how far the most moving joint of each trajectory travels, from end to end [rad], shape (n,)."""
+    found = [np.ptp(block, axis=1).max(axis=1) for block in _blocks(trajectories)]
+    return np.concatenate(found) if found else np.zeros(0)
+
+
+def speed_limits(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> np.ndarray:
+    """Return the speed above which each joint fluctuates [rad/s], shape (n_joints,)."""
+    fastest = largest_speeds(demos.trajectories, demos.dt_s).max(axis=0)
+    if not criteria.per_joint:
+        fastest = np.full_like(fastest, fastest.max())
+    return criteria.speed_factor * fastest
+
+
+def excursion_limit(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> float:
+    """Return the excursion below which an action counts as standing still [rad]."""
+    return criteria.excursion_share * float(excursions(demos.trajectories).min())
+
+
+def is_fluctuating(trajectories: Trajectories, demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> np.ndarray:
+    """Return for each trajectory whether a joint is faster than its limit, shape (n,) of bool."""
+    speeds = largest_speeds(trajectories, demos.dt_s)
+    if not len(speeds):
+        return np.zeros(0, dtype=bool)
+    # A copy of the fastest basic action at factor 1 must pass, whatever the last bit of the division says.
+    return np.any(speeds > speed_limits(demos, criteria) * (1.0 + 1e-12), axis=1)
+
+
+def is_non_moving(trajectories: Trajectories, demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> np.ndarray:
+    """Return for each trajectory whether no joint moves enough, shape (n,) of bool."""
+    return excursions(trajectories) < excursion_limit(demos, criteria)
+
+
+def is_appropriate(trajectories: Trajectories, demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> np.ndarray:
+    """Return for each trajectory whether it neither fluctuates nor stands still, shape (n,) of bool.
+
+    Args:
+        trajectories: A list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array [rad], at the tick of
+            `demos`.
+        demos: The basic actions.
+        criteria: Where the lines are drawn.
+
+    Raises:
+        ShapeError: If the joints of the two do not match or an angle is not finite.
+    """
+    check_same_joints(trajectories, demos)
+    return ~(is_fluctuating(trajectories, demos, criteria) | is_non_moving(trajectories, demos, criteria))
+
+
+def check_same_joints(trajectories: Trajectories, demos: BasicActions) -> None:
+    """Refuse trajectories that are not arrays of the basic actions' joints, with the place of the first fault.
+
+    Raises:
+        ShapeError: Naming the trajectory, the shape expected and the shape found.
+    """
+    n_joints = demos.trajectories[0].shape[1]
+    if isinstance(trajectories, np.ndarray) and trajectories.ndim == 3:
+        shapes = [trajectories.shape[1:]] if len(trajectories) else []
+    else:
+        shapes = (np.shape(one) for one in trajectories)
+    for place, shape in enumerate(shapes):
+        if len(shape) != 2 or shape[1] != n_joints or shape[0] < 1:
+            raise ShapeError(
+                f"`trajectories[{place}]` should have shape (n_steps, {n_joints}), the joints of the basic actions, "
+                f"but has {tuple(shape)}."
+            )
+    for start, block in _numbered_blocks(trajectories):
+        if not np.isfinite(block).all():
+            place, step, joint = np.argwhere(~np.isfinite(block))[0]
+            raise ShapeError(f"`trajectories[{start + place}]` is not finite at step {step}, joint {joint}.")
+
+
+def _blocks(trajectories: Trajectories) -> Iterator[np.ndarray]:
+    return (block for _, block in _numbered_blocks(trajectories))
+
+
+def _numbered_blocks(trajectories: Trajectories) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield the trajectories as (start, (n, n_steps, n_joints) float64) in order, as many together as is handy."""
+    if isinstance(trajectories, np.ndarray):
+        for start in range(0, len(trajectories), BLOCK):
+            yield start, np.asarray(trajectories[start : start + BLOCK], dtype=np.float64)
+    else:
+        for start, one in enumerate(trajectories):
+            yield start, np.asarray(one, dtype=np.float64)[None]
+
+
+OUTCOMES = ("learned", "unlearned", "fluctuating", "non_moving")
+"""Every trajectory has exactly one of these."""
+APPROPRIATE = ("learned", "unlearned")
+"""Outcomes of what a robot can use."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """The measures of n trajectories.
+
+    Attributes:
+        outcome: One of `OUTCOMES` each, shape (n,) of str.
+        novelty: Distance to the nearest basic action [rad], shape (n,).
+        nearest: Which basic action that is, shape (n,) of int.
+        distances: Distance to every basic action [rad], shape (n, n_actions).
+        appropriate: Whether the outcome is learned or unlearned, shape (n,) of bool.
+    """
+
+    outcome: np.ndarray
+    novelty: np.ndarray
+    nearest: np.ndarray
+    distances: np.ndarray
+    appropriate: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.outcome)
+
+    def share_pct(self, outcome: str) -> float:
+        """Return how many of the trajectories have this outcome [%]; NaN when there are none."""
+        return 100.0 * float(np.mean(self.outcome == outcome)) if len(self) else float("nan")
+
+
+def score(
+    trajectories: Trajectories,
+    demos: BasicActions,
+    criteria: Criteria = PAPER_CRITERIA,
+    dtype: DTypeLike = np.float64,
+) -> Scores:
+    """Score trajectories against the basic actions.
+
+    A trajectory gets the same scores alone, in a map of 40,000 and in any piece of that map. Memory beside the input is
+    bounded by the block size and the result.
+
+    Args:
+        trajectories: A list of (n_steps, n_joints) arrays, whose lengths may differ, or one (n, n_steps, n_joints)
+            array [rad], at the tick of `demos`. One alone is `trajectory[None]`.
+        demos: The basic actions: anything with `.trajectories` and `.dt_s`.
+        criteria: Where the lines between the outcomes are drawn.
+        dtype: Arithmetic of the distances. float32 saves a third of the time on large maps; a distance that equals the
+            threshold to seven digits may then fall on its other side.
+
+    Raises:
+        ShapeError: If a trajectory does not have the joints of the basic actions or is not finite.
+
+    Example:
+        >>> from creative_nao.demonstrations import load_demonstrations
+        >>> demos = load_demonstrations()
+        >>> scores = score(demos.trajectories, demos)
+        >>> scores.outcome[0], float(scores.novelty[0]), int(scores.nearest[2])
+        (np.str_('learned'), 0.0, 2)
+    """
+    check_same_joints(trajectories, demos)
+    basic = list(demos.trajectories)
+    distances = np.zeros((len(trajectories), len(basic)))
+    for start in range(0, len(trajectories), 2 * BLOCK):
+        distances[start : start + 2 * BLOCK] = dtw_matrix(trajectories[start : start + 2 * BLOCK], basic, dtype)
+    nearest = distances.argmin(axis=1)
+    novelty = distances.min(axis=1)
+    outcome = np.where(novelty <= criteria.learned_threshold, "learned", "unlearned").astype("<U11")
+    if len(outcome):
+        outcome[is_non_moving(trajectories, demos, criteria)] = "non_moving"
+        outcome[is_fluctuating(trajectories, demos, criteria)] = "fluctuating"
+    return Scores(outcome, novelty, nearest, distances, np.isin(outcome, APPROPRIATE))

@@ -1,0 +1,319 @@
+"""The matrix product of the training engine: tiles of the result stay in registers while the inner index runs.
+
+Every element is a sum in ascending order of the inner index, whatever the tile it falls into, so results depend neither
+on the width of the machine's registers nor on how rows are cut into tiles.
+
+Also here:
+- Where the compiled engine keeps the numbers of a network: packed for its matrix product.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import llvmlite.binding as llvm
+import numpy as np
+from llvmlite import ir
+from numba import config, types
+from numba.extending import intrinsic
+
+from creative_nao.model.config import (
+    NetworkSettings,
+    Shapes,
+    layer_time_constants,
+    n_parameters,
+    neighbour_mask,
+    parameter_shapes,
+)
+from creative_nao.model.simd import FLOAT, call_llvm, compiled, element_pointer, spread
+
+# pyright: reportIndexIssue=false, reportCallIssue=false
+
+
+def _has_512_bit_registers() -> bool:
+    asked = getattr(config, "CPU_FEATURES", None)  # numba can be told to compile for another processor
+    return bool(llvm.get_host_cpu_features().get("avx512f")) if asked is None else "+avx512f" in asked
+
+
+N_LANES = 16 if _has_512_bit_registers() else 8
+PANEL = 2 * N_LANES
+"""Columns of a tile: two registers."""
+TALLEST = 8 if N_LANES == 16 else 6
+"""Most rows of a tile: with two registers a row they, a row of b and one number of a fill the registers."""
+
+
+def _tile(n_rows: int) -> Any:
+    """Return an intrinsic for `n_rows` rows of a panel: out[i, :] = start[i, :] + sum over k of a[i, k] b[k, :].
+
+    Each matrix is an array, the index of its first element and its strides in elements; the columns of b, start and
+    out are consecutive.
+    """
+
+    @intrinsic
+    def multiply(
+        typing_context, a, a_first, a_row, a_inner, b, b_first, b_inner, n_inner, start, start_first, start_row,
+        out, out_first, out_row,
+    ):  # fmt: skip
+        def generate(context, builder, signature, arguments):
+            kinds = signature.args
+            word = ir.IntType(64)
+            vector = ir.VectorType(FLOAT, N_LANES)
+
+            def whole(i):
+                return context.cast(builder, arguments[i], kinds[i], types.intp)
+
+            def address(i, offset=None):
+                base = element_pointer(context, builder, kinds[i], arguments[i], kinds[i + 1], arguments[i + 1])
+                return base if offset is None else builder.gep(base, [offset])
+
+            def vectors_at(pointer):
+                for half in range(2):
+                    place = builder.gep(pointer, [ir.Constant(word, half * N_LANES)])
+                    yield builder.bitcast(place, vector.as_pointer())
+
+            def times(stride, i):
+                return builder.mul(stride, ir.Constant(word, i))
+
+            (a_row, a_inner), b_inner, n_inner = (whole(2), whole(3)), whole(6), whole(7)
+            start_row, out_row = whole(10), whole(13)
+            sums = [
+                builder.load(place, align=4)
+                for i in range(n_rows)
+                for place in vectors_at(address(8, times(start_row, i)))
+            ]
+            a_starts, b_start = [address(0, times(a_row, i)) for i in range(n_rows)], address(4)
+            before = builder.block
+            loop, after = builder.append_basic_block("inner"), builder.append_basic_block("after")
+            builder.cbranch(builder.icmp_signed(">", n_inner, ir.Constant(word, 0)), loop, after)
+
+            builder.position_at_end(loop)
+            k = builder.phi(word)
+            k.add_incoming(ir.Constant(word, 0), before)
+            running = [builder.phi(vector) for _ in sums]
+            for phi, value in zip(running, sums, strict=True):
+                phi.add_incoming(value, before)
+            b_row = builder.gep(b_start, [builder.mul(k, b_inner)])
+            b_vectors = [builder.load(place, align=4) for place in vectors_at(b_row)]
+            a_at = builder.mul(k, a_inner)
+            new = []
+            for i in range(n_rows):
+                factor = spread(builder, builder.load(builder.gep(a_starts[i], [a_at])), N_LANES)
+                for half in range(2):
+                    new.append(
+                        call_llvm(builder, "llvm.fmuladd", vector, factor, b_vectors[half], running[2 * i + half])
+                    )
+            k_next = builder.add(k, ir.Constant(word, 1))
+            k.add_incoming(k_next, loop)
+            for phi, value in zip(running, new, strict=True):
+                phi.add_incoming(value, loop)
+            builder.cbranch(builder.icmp_signed("<", k_next, n_inner), loop, after)
+
+            builder.position_at_end(after)
+            finished = [builder.phi(vector) for _ in sums]
+            for phi, none, value in zip(finished, sums, new, strict=True):
+                phi.add_incoming(none, before)
+                phi.add_incoming(value, loop)
+            for i in range(n_rows):
+                for half, place in enumerate(vectors_at(address(11, times(out_row, i)))):
+                    builder.store(finished[2 * i + half], place, align=4)
+            return context.get_dummy_value()
+
+        return types.void(
+            a, a_first, a_row, a_inner, b, b_first, b_inner, n_inner, start, start_first, start_row,
+            out, out_first, out_row,
+        ), generate  # fmt: skip
+
+    return multiply
+
+
+_tile1, _tile2, _tile3, _tile4, _tile5, _tile6, _tile7, _tile8 = (_tile(n_rows) for n_rows in range(1, 9))
+
+
+@compiled(inline="always")
+def multiply_panel(
+    a, a_at, a_row, a_inner, b, b_at, b_inner, n_inner, start, start_at, start_row, out, out_at, out_row, n_rows
+):
+    """Compute out = start + a b for `PANEL` columns and any number of rows.
+
+    The matrices lie in flat arrays: `a_at` is the index of the first element of a, `a_row` and `a_inner` the distance
+    to the next one along its rows and along the inner index, and so on. `start` may be `out`.
+    """
+    n_tiles = (n_rows + TALLEST - 1) // TALLEST
+    done = 0
+    for tile in range(n_tiles):  # heights differ by one at most
+        end = n_rows * (tile + 1) // n_tiles
+        height = end - done
+        x, s, o = a_at + done * a_row, start_at + done * start_row, out_at + done * out_row
+        if height == 6:
+            _tile6(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
+        elif height == 8:
+            _tile8(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
+        elif height == 7:
+            _tile7(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
+        elif height == 5:
+            _tile5(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
+        elif height == 4:
+            _tile4(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
+        elif height == 3:
+            _tile3(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
+        elif height == 2:
+            _tile2(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
+        else:
+            _tile1(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
+        done = end
+
+
+@compiled()
+def multiply_panels(lay, first_panel, rows, rows_at, weights, start, start_row, out):
+    """Multiply the rows of all actions at one tick with packed weights: out = start + rows weights, from a panel on.
+
+    Args:
+        lay: `layout.Layout`.
+        first_panel: Panels before this one are left out.
+        rows: Array that holds the rows, `lay.row` apart, the first at `rows_at`.
+        weights: Panels as in the packed vector.
+        start: Rows that the sums begin with, `start_row` apart.
+        out: Rows of the result, `lay.row` apart.
+    """
+    for p in range(first_panel, lay.low.size):
+        multiply_panel(
+            rows, rows_at + lay.low[p], lay.row, 1, weights, lay.place[p], PANEL, lay.high[p] - lay.low[p],
+            start, p * PANEL, start_row, out, p * PANEL, lay.row, lay.n_actions,
+        )  # fmt: skip
+
+
+LINE = 16
+"""Float32 numbers in a cache line of 64 bytes."""
+
+
+class Layout(NamedTuple):
+    """Sizes and places, as the compiled functions read them."""
+
+    n_actions: int
+    n_joints: int
+    """Filled up to a multiple of eight."""
+    n_codes: int
+    """Columns of P_I and P_O: n_joints times softmax units; the hidden units begin at `first_hidden`."""
+    first_hidden: int
+    width: int
+    """Columns, a multiple of `PANEL`."""
+    row: int
+    """Distance between two rows: an odd number of cache lines, so that a column of numbers spreads over the cache."""
+    n_pb: int
+    low: np.ndarray
+    """First sender of each panel, int64."""
+    high: np.ndarray
+    """End of the senders of each panel."""
+    place: np.ndarray
+    """Where each panel begins in the packed vector."""
+    bias: int
+    """Where the biases begin in the packed vector, one per column."""
+    w_pb: int
+    """Where the PB weights begin, a row of `width` for each PB unit."""
+    rho: int
+    """Where rho begins, a row of `n_pb` for each action."""
+    size: int
+    """Length of the packed vector."""
+
+
+def line_up(n: int, multiple: int) -> int:
+    """Return the smallest multiple that is at least `n`."""
+    return -(-n // multiple) * multiple
+
+
+def aligned(*shape: int) -> np.ndarray:
+    """Return zeros in float32 that begin at a cache line: loads that cross two lines take twice the time."""
+    size = int(np.prod(shape))
+    room = np.zeros(size + LINE, np.float32)
+    start = -room.ctypes.data // room.itemsize % LINE
+    return room[start : start + size].reshape(shape)
+
+
+class Packing:
+    """Translates between the flat vector of `parameters` and the packed one.
+
+    Args:
+        settings: Sizes of the network.
+        n_codes: Length of a posture's softmax code.
+        n_actions: Actions to learn.
+    """
+
+    def __init__(self, settings: NetworkSettings, n_codes: int, n_actions: int) -> None:
+        self.shapes: Shapes = parameter_shapes(settings, n_codes, n_actions)
+        n_units = settings.n_softmax_units
+        n_joints = line_up(n_codes // n_units, 8)
+        first_hidden = line_up(n_joints * n_units, LINE)
+        starts = np.cumsum([0, first_hidden, *settings.layer_sizes])
+        width = line_up(int(starts[-1]), PANEL)
+        low, high = _heard(starts, width)
+        place = np.cumsum([0, *((high - low) * PANEL)])
+        bias = int(place[-1])
+        w_pb = bias + width
+        rho = w_pb + settings.n_pb * width
+        size = line_up(rho + n_actions * settings.n_pb, LINE)
+        self.layout = Layout(
+            n_actions, n_joints, n_joints * n_units, first_hidden, width, width + LINE, settings.n_pb,
+            low, high, place[:-1], bias, w_pb, rho, size,
+        )  # fmt: skip
+        joint, unit = np.divmod(np.arange(n_codes), n_units)
+        self.code_columns = unit * n_joints + joint
+        """Column of each element of a posture's code."""
+        self.rate = np.ones(width, np.float32)
+        self.rate[first_hidden : first_hidden + settings.n_hidden] = 1 / layer_time_constants(settings)
+        self._flat, self._packed = self._pairs(settings)
+
+    def _pairs(self, settings: NetworkSettings) -> tuple[np.ndarray, np.ndarray]:
+        """Return which element of the flat vector is which of the packed one; weights fixed at zero are in none."""
+        lay = self.layout
+        fast = lay.first_hidden + np.arange(settings.layer_sizes[0])
+        hidden = lay.first_hidden + np.arange(settings.n_hidden)
+        codes = self.code_columns
+
+        def weight(sender, receiver):
+            panel, column = np.divmod(receiver[None, :], PANEL)
+            return lay.place[panel] + (sender[:, None] - lay.low[panel]) * PANEL + column
+
+        packed = {
+            "w_in": weight(codes, fast),
+            "w_out": weight(fast, codes),
+            "w_hidden": np.where(neighbour_mask(settings) > 0, weight(hidden, hidden), -1),
+            "w_pb": lay.w_pb + np.arange(lay.n_pb)[:, None] * lay.width + hidden,
+            "b_out": lay.bias + codes,
+            "b_hidden": lay.bias + hidden,
+            "rho": lay.rho + np.arange(lay.n_actions * lay.n_pb),
+        }
+        targets = np.concatenate([packed[name].ravel() for name in self.shapes])
+        real = np.flatnonzero(targets >= 0)
+        return real, targets[real]
+
+    def pack(self, flat: np.ndarray) -> np.ndarray:
+        """Return the packed vector; what stands for nothing is zero."""
+        packed = aligned(self.layout.size)
+        packed[self._packed] = flat[self._flat]
+        return packed
+
+    def unpack(self, packed: np.ndarray, flat: np.ndarray) -> np.ndarray:
+        """Return a copy of the flat vector with the numbers of the packed one."""
+        new = flat.copy()
+        new[self._flat] = packed[self._packed]
+        return new
+
+    def real(self) -> np.ndarray:
+        """Return 1 for elements of the packed vector that are parameters, 0 for those that stand for nothing."""
+        return self.pack(np.ones(n_parameters(self.shapes), np.float32))
+
+
+def _heard(starts: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return, for each panel, the first and the end of the columns that its receivers hear.
+
+    Both are multiples of eight, because the weights are transposed in squares of that size.
+    """
+    n_parts = len(starts) - 1
+    low, high = [], []
+    for first in range(0, width, PANEL):
+        inside = [p for p in range(n_parts) if starts[p] < first + PANEL and starts[p + 1] > first]
+        # P_I/P_O, part 0, does not hear itself; a last panel may hold no unit at all.
+        heard = [q for p in inside for q in (p - 1, p, p + 1) if 0 <= q < n_parts and (p, q) != (0, 0)]
+        low.append(starts[min(heard)] // 8 * 8 if heard else 0)
+        high.append(line_up(starts[max(heard) + 1], 8) if heard else 0)
+    return np.array(low, np.int64), np.array(high, np.int64)

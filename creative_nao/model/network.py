@@ -1,0 +1,164 @@
+"""The PB-MTRNN in torch, written to be read: the reference that the compiled engine is tested against (Eq. 1-5).
+
+Also here:
+- What training minimises: the divergence of the predicted from the taught codes (Eq. 4).
+- The compiled epoch as a torch function: called like the reference, many times faster.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from creative_nao.errors import ShapeError
+from creative_nao.model.compiled_training import CompiledNetwork
+from creative_nao.model.config import (
+    NetworkSettings,
+    initial_vector,
+    layer_time_constants,
+    neighbour_mask,
+    parameter_shapes,
+    views,
+)
+
+
+class PBMTRNN(nn.Module):
+    """Multiple-timescale recurrent network with parametric biases.
+
+    P_I feeds P_F, P_F feeds P_O; P_F, P_M, P_S are recurrent and connected both ways with their neighbours; the PB
+    units feed P_F, P_M and P_S. Everything at tick t reads activations of tick t-1.
+
+    Args:
+        settings: Sizes, time constants and initial values.
+        n_codes: Length of one posture's softmax code: n_joints * n_softmax_units.
+        n_actions: Number of actions to learn; each has a row of `rho`.
+        seed: Seed of the initial weights.
+    """
+
+    def __init__(self, settings: NetworkSettings, n_codes: int, n_actions: int, seed: int = 0) -> None:
+        super().__init__()
+        self.settings = settings
+        self.shapes = parameter_shapes(settings, n_codes, n_actions)
+        for name, array in views(initial_vector(settings, n_codes, n_actions, seed), self.shapes).items():
+            self.register_parameter(name, nn.Parameter(torch.from_numpy(array.copy())))
+        self.mask: Tensor
+        self.rate: Tensor
+        self.register_buffer("mask", torch.from_numpy(neighbour_mask(settings)))
+        self.register_buffer("rate", torch.from_numpy(1 / layer_time_constants(settings)))
+
+    def forward(self, codes: Tensor, closed_loop_ratio: float = 0.0, pb: Tensor | None = None) -> Tensor:
+        """Predict every next posture of `codes`.
+
+        Args:
+            codes: Softmax codes of the actions, shape (n_actions, n_steps, n_codes); the first row is always read,
+                later rows are mixed into the input by `closed_loop_ratio`.
+            closed_loop_ratio: Share of the prediction in the input (Eq. 5).
+            pb: PB values, shape (n_actions, n_pb) in (-1, 1); default: the learned tanh(rho) (Eq. 1).
+
+        Returns:
+            Logarithms of the predicted codes for steps 1 to n_steps - 1, shape (n_actions, n_steps - 1, n_codes).
+        """
+        w = {name: getattr(self, name) for name in self.shapes}
+        n_units = self.settings.n_softmax_units
+        n_fast = self.settings.layer_sizes[0]
+        pb = torch.tanh(w["rho"]) if pb is None else pb
+        drive = pb @ w["w_pb"] + w["b_hidden"]  # (n_actions, n_hidden): constant during an action
+        w_hidden = w["w_hidden"] * self.mask
+        x = codes[:, 0]
+        u = codes.new_zeros(len(codes), self.settings.n_hidden)
+        y = torch.tanh(u)
+        predicted = []
+        for t in range(1, codes.shape[1]):
+            output = y[:, :n_fast] @ w["w_out"] + w["b_out"]
+            log_code = output.unflatten(-1, (-1, n_units)).log_softmax(dim=-1).flatten(-2)  # one softmax per joint (3)
+            from_input = nn.functional.pad(x @ w["w_in"], (0, u.shape[1] - n_fast))  # only P_F hears P_I
+            u = (1 - self.rate) * u + self.rate * (drive + y @ w_hidden + from_input)  # Eq. 2
+            y = torch.tanh(u)  # Eq. 3
+            x = closed_loop_ratio * log_code.exp() + (1 - closed_loop_ratio) * codes[:, t]  # Eq. 5
+            predicted.append(log_code)
+        return torch.stack(predicted, dim=1)
+
+    def parameter_vector(self) -> np.ndarray:
+        """Return all parameters as one flat float32 vector in the order of `parameter_shapes`."""
+        return np.concatenate([getattr(self, name).detach().numpy().ravel() for name in self.shapes])
+
+    def load_parameter_vector(self, vector: np.ndarray) -> None:
+        """Set all parameters from one flat vector."""
+        with torch.no_grad():
+            for name, array in views(vector, self.shapes).items():
+                getattr(self, name).copy_(torch.from_numpy(np.array(array)))
+
+
+def kl_divergence(log_predicted: Tensor, target: Tensor, lengths: Tensor) -> Tensor:
+    """Return the Kullback-Leibler divergence from target to prediction, summed over steps, units and actions (Eq. 4).
+
+    Args:
+        log_predicted: Shape (n_actions, n_steps - 1, n_codes), for steps 1 to n_steps - 1.
+        target: Codes of all steps, shape (n_actions, n_steps, n_codes); step 0 is given, not predicted.
+        lengths: Number of steps of each action, shape (n_actions,); later steps do not count.
+    """
+    taught = target[:, 1:]
+    steps = torch.arange(1, target.shape[1], device=target.device)
+    counts = (steps < lengths[:, None])[..., None]
+    return torch.where(counts, taught * (taught.log() - log_predicted), 0.0).sum()
+
+
+class _FusedLoss(torch.autograd.Function):
+    """Computes the gradient together with the loss: going forward alone would hardly be cheaper."""
+
+    @staticmethod
+    def forward(ctx: Any, compiled: CompiledNetwork, ratio: float, *parameters: Tensor) -> Tensor:
+        vector = np.concatenate([p.detach().numpy().ravel() for p in parameters])
+        loss, gradient = compiled.loss_and_gradient(vector, ratio)
+        pieces = torch.from_numpy(gradient).split([p.numel() for p in parameters])
+        ctx.save_for_backward(*(piece.view_as(p) for piece, p in zip(pieces, parameters, strict=True)))
+        return torch.tensor(loss, dtype=torch.float32)
+
+    @staticmethod
+    def backward(ctx: Any, *outer: Any) -> tuple[Tensor | None, ...]:
+        return None, None, *(outer[0] * gradient for gradient in ctx.saved_tensors)
+
+
+def fused_loss(network: PBMTRNN, codes: Tensor, lengths: Tensor, ratio: float) -> Tensor:
+    """Return what `kl_divergence(network(codes, ratio), codes, lengths)` returns, by the compiled engine (Eq. 1-5).
+
+    Its `.backward()` fills the gradients of the same parameters. It can be called once per result and not be
+    differentiated twice; codes and lengths get no gradient. For long training use `train`, which keeps whole runs of
+    epochs in compiled code.
+
+    Args:
+        network: The readable network; its parameters are read, and it must be on the CPU in float32.
+        codes: Target codes, (n_actions, n_steps, n_codes), positive.
+        lengths: Number of steps of each action, (n_actions,); later steps do not count.
+        ratio: Closed-loop ratio in [0, 1] (Eq. 5).
+
+    Returns:
+        The loss, a scalar float32 tensor.
+
+    Raises:
+        ShapeError: If `codes` or `lengths` does not fit the network.
+
+    Example:
+        >>> from creative_nao.model import NetworkSettings
+        >>> settings = NetworkSettings(layer_sizes=(5,), time_constants=(2,), n_softmax_units=2)
+        >>> network = PBMTRNN(settings, n_codes=2, n_actions=1)
+        >>> loss = fused_loss(network, torch.full((1, 4, 2), 0.5), torch.tensor([4]), ratio=0.0)
+        >>> loss.backward()
+        >>> tuple(network.rho.grad.shape)
+        (1, 2)
+    """
+    n_actions, n_codes = network.shapes["rho"][0], network.shapes["b_out"][0]
+    if codes.ndim != 3 or codes.shape[0] != n_actions or codes.shape[2] != n_codes:
+        raise ShapeError(
+            f"`codes` should have shape ({n_actions}, n_steps, {n_codes}) for this network, "
+            f"but has {tuple(codes.shape)}"
+        )
+    if lengths.shape != (n_actions,):
+        raise ShapeError(f"`lengths` should have shape ({n_actions},), one per action, but has {tuple(lengths.shape)}")
+    compiled = CompiledNetwork(network.settings, codes.detach().numpy(), lengths.numpy())
+    loss = _FusedLoss.apply(compiled, float(ratio), *(getattr(network, name) for name in network.shapes))
+    assert isinstance(loss, Tensor)
+    return loss

@@ -1,0 +1,58 @@
+"""What every result carries: the command, the settings and the versions that made it.
+
+Also here:
+- How many processor cores this process may use.
+"""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import importlib.metadata
+import json
+import os
+import platform
+import shlex
+import sys
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("creative-nao", "numpy", "torch", "numba", "mujoco", "dm-control", "gymnasium", "stable-baselines3")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that can change a result; absent ones are left out."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def command_line() -> str:
+    """Return the running command as one could type it again, with the program's folder left out."""
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+
+
+def record(*, settings: dict[str, Any], command: str | None = None) -> dict[str, Any]:
+    """Return the provenance of a result: command, settings, versions, platform and the time in UTC."""
+    return {
+        "command": command_line() if command is None else command,
+        "settings": json.loads(json.dumps(settings)),  # tuples become lists here already, as they do in a file
+        "versions": versions(),
+        "platform": f"{platform.system()} {platform.machine()}",
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }
+
+
+def sha256(path: str | os.PathLike[str]) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def usable_cores() -> int:
+    """Return the cores that this process may use: fewer than the machine has where it is held to some of them."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,258 @@
+"""Write a file so that a reader sees the old content or the new one, never a torn one.
+
+The new content goes into a temporary file beside the old one, which it then replaces. Its writer holds a lock on the
+temporary file for as long as it lives; what a killed writer left behind is therefore told from what is being written,
+and swept away by the next writer in that folder.
+
+Also here:
+- Bytes, text and JSON from files that anybody may have made: bounded before they are read, nothing run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import math
+import os
+import platform
+import secrets
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from creative_nao.errors import FileFormatError, NotFoundError
+
+try:
+    import fcntl
+except ImportError:  # Windows has no such locks; what a killed writer left stays there
+    fcntl = None
+
+DISK_FAULTS = {
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.ENOENT, errno.ENAMETOOLONG, errno.EIO, errno.ESTALE,
+}  # fmt: skip
+"""What a full, read-only, broken or vanished place to write answers."""
+
+_MACHINE = f"{zlib.crc32(platform.node().encode()):08x}"
+"""Another machine's lock need not be visible here: each sweeps only what it left itself."""
+_MARK = ".writing-"
+_NAME_CHARACTERS = 40
+
+
+@contextlib.contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a temporary path beside `path`; when the block ends well, it takes the place of `path` in one step.
+
+    When the block raises, the temporary file is removed and `path` stays as it was. Missing folders are made.
+
+    Raises:
+        OSError: If the file cannot be written; `filename` is then `path`.
+    """
+    target = Path(path)
+    lock = -1
+    temporary = target.with_name(
+        f".{target.name[:_NAME_CHARACTERS]}{_MARK}{_MACHINE}-{secrets.token_hex(4)}{target.suffix}"
+    )
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        sweep(target.parent)
+        lock = _create(temporary)
+        yield temporary
+        with open(temporary, "rb") as written:
+            os.fsync(written.fileno())
+        os.replace(temporary, target)
+    except OSError as error:
+        # Only the system's own errors: ours are text.
+        if error.errno is not None and error.filename in (None, os.fspath(temporary), temporary):
+            error.filename = os.fspath(target)
+        raise
+    finally:
+        with contextlib.suppress(OSError):  # where nothing can be removed, the first error is the one to tell
+            temporary.unlink(missing_ok=True)
+        if lock >= 0:
+            os.close(lock)
+
+
+def write_bytes(path: str | os.PathLike[str], content: bytes) -> Path:
+    """Replace the content of `path` by `content` in one step and return the path."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+    return Path(path)
+
+
+def write_text(path: str | os.PathLike[str], content: str) -> Path:
+    """Replace the content of `path` by `content` (UTF-8) in one step and return the path."""
+    return write_bytes(path, content.encode("utf-8"))
+
+
+def sweep(folder: str | os.PathLike[str]) -> None:
+    """Remove the temporary files in a folder whose writers on this machine are gone; leave those being written."""
+    if fcntl is None:
+        return
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.name.startswith(".") and f"{_MARK}{_MACHINE}-" in entry.name:
+                _remove_if_abandoned(entry.path)
+
+
+@contextlib.contextmanager
+def alone(folder: str | os.PathLike[str]) -> Iterator[None]:
+    """While inside, other processes of this machine that ask for the same folder wait: to read a file and replace it.
+
+    Where the system has no locks on folders, nobody waits. The folder is made if it is missing.
+    """
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    if fcntl is None:
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):  # some network file systems have none
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _create(temporary: Path) -> int:
+    """Make the file and return a handle that holds its lock; -1 where there are no locks."""
+    while True:
+        handle = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+        if fcntl is None:
+            os.close(handle)
+            return -1
+        with contextlib.suppress(OSError):
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        if os.fstat(handle).st_nlink:
+            return handle
+        os.close(handle)  # swept away between its creation and its lock
+
+
+def _remove_if_abandoned(path: str) -> None:
+    assert fcntl is not None
+    with contextlib.suppress(OSError):
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            os.unlink(path)
+        finally:
+            os.close(handle)
+
+
+MAX_TEXT_BYTES = 64_000_000
+"""Largest JSON file, a run folder's results; smaller limits are given where they are known."""
+MAX_DEPTH = 64
+"""Lists and objects within each other that JSON may have."""
+MAX_DIGITS = 40
+"""Of a whole number in JSON; the state of a random generator has 39."""
+
+
+def read_bytes(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> bytes:
+    """Return the content of a file of at most `largest` bytes.
+
+    Args:
+        path: The file.
+        what: What it should be, for messages: ``suite``.
+        largest: A larger file is refused before a byte of it is read.
+
+    Raises:
+        NotFoundError: If there is no such file.
+        FileFormatError: If it is larger or cannot be read.
+    """
+    if not os.path.isfile(path):  # unlike `Path.is_file`, says no to a name that is too long
+        raise NotFoundError(f"no {what} at {path}")
+    try:
+        with open(path, "rb") as stream:
+            size = os.fstat(stream.fileno()).st_size
+            content = b"" if size > largest else stream.read(largest + 1)
+    except OSError as error:
+        raise FileFormatError(f"{path}: the {what} cannot be read: {error.strerror}") from error
+    if max(size, len(content)) > largest:
+        raise FileFormatError(f"{path}: has {max(size, len(content))} bytes, expected at most {largest} of a {what}")
+    return content
+
+
+def read_text(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> str:
+    """Return UTF-8 text, with or without a byte order mark, of a file of at most `largest` bytes.
+
+    Raises:
+        NotFoundError: If there is no such file.
+        FileFormatError: If it is larger, cannot be read, or is not UTF-8.
+    """
+    return as_text(read_bytes(path, what, largest), f"{path}", what)
+
+
+def as_text(content: bytes, where: str, what: str) -> str:
+    """Return bytes as UTF-8 text, without its byte order mark; `where` begins the message and names the file.
+
+    Raises:
+        FileFormatError: If it is not UTF-8.
+    """
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        wide = content[:4].startswith((b"\xff\xfe", b"\xfe\xff", b"\0\0\xfe\xff"))
+        hint = "perhaps UTF-16; " if wide else ""
+        raise FileFormatError(
+            f"{where}: byte {error.start} of the {what} is not UTF-8 text; {hint}save the file in UTF-8"
+        ) from None
+
+
+def as_json(text: str, where: str) -> Any:
+    """Return what JSON text holds; `where` begins the message and names the file.
+
+    Raises:
+        FileFormatError: If it is torn, is nested more than `MAX_DEPTH` deep, says a name twice, or holds a number that
+            is not finite or has more than `MAX_DIGITS` digits.
+    """
+    try:
+        found = json.loads(
+            text, parse_constant=_refuse, parse_float=_finite, parse_int=_whole, object_pairs_hook=_each_once
+        )
+        deep = _is_deep(found)
+    except RecursionError:
+        deep, found = True, None
+    except ValueError as error:
+        raise FileFormatError(f"{where}: not JSON ({error})") from error
+    if deep:
+        raise FileFormatError(f"{where}: not JSON (it is nested too deeply)")
+    return found
+
+
+def _refuse(word: str) -> float:
+    raise ValueError(f"it holds {word}")
+
+
+def _finite(digits: str) -> float:
+    found = float(digits)
+    return found if math.isfinite(found) else _refuse(digits[:20])
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > MAX_DIGITS:
+        raise ValueError(f"it holds a whole number of {len(digits)} digits")
+    return int(digits)
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        seen: set[str] = set()  # counting each name would take hours in an object of millions
+        again = next(name for name, _ in pairs if name in seen or seen.add(name))
+        raise ValueError(f"it says `{again[:60]}` twice")
+    return found
+
+
+def _is_deep(value: Any) -> bool:
+    level = [value]
+    for _ in range(MAX_DEPTH):
+        level = [one for outer in level if isinstance(outer, list | dict) for one in _parts(outer)]
+        if not level:
+            return False
+    return True
+
+
+def _parts(outer: list[Any] | dict[str, Any]) -> list[Any]:
+    inner = outer if isinstance(outer, list) else outer.values()
+    return [one for one in inner if isinstance(one, list | dict)]
