@@ -1,9 +1,10 @@
-"""Imports run one way: a part may import what stands to its right, never to its left."""
+"""Imports run one way, between rooms and between files: a room imports only what stands to its right."""
 
 import ast
 from pathlib import Path
 
 import pytest
+import structure
 
 PACKAGE = Path(__file__).parents[1] / "creative_nao"
 BASE = {"joints", "errors", "storage", "runtime", "fields", "schema", "arrays"}
@@ -60,3 +61,28 @@ def test_the_base_stands_on_nothing_of_the_project(name):
 def test_every_folder_is_in_the_order():
     folders = {path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name != "__pycache__"}
     assert folders <= set(ORDER)
+
+
+def test_no_files_import_each_other_in_a_circle():
+    assert structure.circles(structure.import_graph(PACKAGE.parent)) == []
+
+
+def test_no_class_name_is_in_two_places():
+    assert structure.repeated_class_names(PACKAGE.parent) == {}
+
+
+def test_a_circle_below_type_checking_or_in_a_function_is_found(tmp_path):
+    room = tmp_path / structure.PACKAGE
+    room.mkdir()
+    (room / "first.py").write_text("if TYPE_CHECKING:\n    from creative_nao.second import Second\nclass First: ...\n")
+    (room / "second.py").write_text("def late():\n    from creative_nao import third\n")
+    (room / "third.py").write_text("import creative_nao.first\nclass First: ...\n")
+    ring = ["creative_nao.first", "creative_nao.second", "creative_nao.third"]
+    assert structure.circles(structure.import_graph(tmp_path)) == [ring]
+    assert structure.repeated_class_names(tmp_path) == {"First": ["creative_nao.first", "creative_nao.third"]}
+
+
+def test_the_package_keeps_its_size():
+    """At most 140 files, 27,000 lines, none above 450: a new file or mechanism takes the place of another."""
+    lines = [n for room in structure.rooms(PACKAGE.parent).values() for n in room]
+    assert (len(lines) <= 140, sum(lines) <= 27_000, max(lines) <= 450) == (True, True, True)
