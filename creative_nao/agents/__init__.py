@@ -10,6 +10,8 @@ PPO: `PPOSettings`, `train_ppo`; training of PPO, SAC, TD3, RecurrentPPO, TQC an
 `AgentPolicy`. torch and the packages of the searches are loaded when they are needed.
 """
 
+from typing import Any
+
 from creative_nao.agents.adapters import AgentPolicy, FunctionAgent, Policy, PolicyAgent, as_agent
 from creative_nao.agents.base import Agent, AgentOrderError, Context
 from creative_nao.agents.black_box import (
@@ -27,6 +29,16 @@ from creative_nao.agents.quality_diversity import CmaMeAgent, MapElitesAgent, No
 from creative_nao.agents.registry import NAMES, TRAINED, UNTRAINED, load_entry_point, make_agent
 
 load_agent = load_bundle
+
+
+def __getattr__(name: str) -> Any:
+    """Load a policy over cells, and with it torch, when it is named: RL Zoo imports it from here."""
+    if name in ("CellPolicy", "CellSACPolicy"):
+        from creative_nao.agents import cells
+
+        return getattr(cells, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = [  # noqa: RUF022 - in reading order
     "Agent",

@@ -9,10 +9,15 @@ from typing import Any
 
 from creative_nao.errors import MissingDependencyError, NotFoundError, nearest_name
 
-CELL_POLICY = "creative_nao.agents.cells.CellPolicy"
-"""PPO's policy over the cells of the PB space; a dotted path, as RL Zoo reads it."""
-CELL_SAC_POLICY = "creative_nao.agents.cells.CellSACPolicy"
+CELL_POLICY = "creative_nao.agents.CellPolicy"
+"""PPO's policy over the cells of the PB space, by a dotted path as RL Zoo reads it."""
+CELL_SAC_POLICY = "creative_nao.agents.CellSACPolicy"
 """The same for SAC."""
+_RELEASED_NAMES = {
+    "creative_nao.agents.cell_policy.CellPolicy": CELL_POLICY,
+    "creative_nao.agents.cell_sac.CellSACPolicy": CELL_SAC_POLICY,
+}
+"""Names of policies in files of release 0.1.0. Names are looked up here; nothing is imported because a file names it."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +57,9 @@ class Algorithm:
     def policy_class(self, policy: str) -> Any:
         """Return the class of a policy, one of `policies`."""
         if policy in (CELL_POLICY, CELL_SAC_POLICY):
-            module, _, name = policy.rpartition(".")
-            return getattr(importlib.import_module(module), name)
+            from creative_nao.agents import cells
+
+            return cells.CellPolicy if policy == CELL_POLICY else cells.CellSACPolicy
         return self.load().policy_aliases[policy]
 
     def parameters(self) -> dict[str, inspect.Parameter]:
@@ -100,6 +106,11 @@ def find_algorithm(name: str) -> Algorithm:
             f"no learning agent `{name}`{nearest_name(name, ALGORITHMS)}; there are {', '.join(ALGORITHMS)}"
         )
     return ALGORITHMS[name]
+
+
+def policy_name(name: str) -> str:
+    """Return the present name of a policy that a file names."""
+    return _RELEASED_NAMES.get(name, name)
 
 
 def _settable(of: Any, left_out: tuple[str, ...]) -> dict[str, inspect.Parameter]:

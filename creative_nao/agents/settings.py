@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from creative_nao.agents.algorithms import Algorithm, find_algorithm
+from creative_nao.agents.algorithms import Algorithm, find_algorithm, policy_name
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
 from creative_nao.fields import shown
 from creative_nao.storage import read_text
@@ -296,7 +296,7 @@ def check_entry(algorithm: str, entry: Any, where: str) -> Hyperparameters:
     wrapper = entry.get("vec_env_wrapper")
     if wrapper not in (None, AUGMENTATION):
         raise SettingsError(f"{where}: `vec_env_wrapper` should be {AUGMENTATION}, or left out, but is {wrapper!r}")
-    policy = str(entry.get("policy", known.policies[0]))
+    policy = policy_name(str(entry.get("policy", known.policies[0])))
     if policy not in known.policies:
         raise SettingsError(f"{where}: `policy` should be {' or '.join(known.policies)}, but is {shown(policy)}")
     made = Hyperparameters(

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from creative_nao import storage
+from creative_nao.agents.algorithms import policy_name
 from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.envs.state import EnvState
 from creative_nao.errors import FileFormatError, SettingsError
@@ -368,7 +369,10 @@ class TrainingRecord:
         values, arrays = load_tensors(path, kind=KIND)
         header = Fields(values, f"{path}: header")
         header.version("format_version", FORMAT_VERSION)
-        if (name := _difference(header.object("plan").values, plan)) is not None:
+        found = header.object("plan").values
+        if isinstance(settings := found.get("hyperparameters"), dict) and isinstance(settings.get("policy"), str):
+            settings["policy"] = policy_name(settings["policy"])
+        if (name := _difference(found, plan)) is not None:
             raise SettingsError(
                 f"{path} is of a training with another `{name}`; give the same settings to go on, or another --out"
             )
