@@ -17,7 +17,7 @@ _RELEASED_NAMES = {
     "creative_nao.agents.cell_policy.CellPolicy": CELL_POLICY,
     "creative_nao.agents.cell_sac.CellSACPolicy": CELL_SAC_POLICY,
 }
-"""Names of policies in files of release 0.1.0. Names are looked up here; nothing is imported because a file names it."""
+"""Names of policies in files of release 0.1.0; a name is looked up here, and nothing is imported by it."""
 
 
 @dataclass(frozen=True)
