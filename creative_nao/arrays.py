@@ -1,10 +1,7 @@
-"""Files of named arrays with a JSON header, in the safetensors format: nothing in them can run.
+"""Files of named arrays: safetensors with a JSON header, and NPZ files, counted before they are unpacked.
 
-A memory, a checkpoint and an agent bundle are such files. Before the arrays are read, the frame is checked byte by
-byte, so that a torn or foreign file is named together with the part that is wrong.
-
-Also here:
-- Arrays out of NPZ files that anybody may have made: counted before they are unpacked, never unpickled.
+Nothing in them can run. Before the arrays are read, the frame is checked byte by byte, so that a torn or foreign file
+is named together with the part that is wrong.
 """
 
 from __future__ import annotations
@@ -19,19 +16,27 @@ import re
 import struct
 import zipfile
 import zlib
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from creative_nao.errors import FileFormatError
-from creative_nao.fields import Fields, shown
+from creative_nao.errors import FileFormatError, shown
+from creative_nao.schema import Index, parse, record
 from creative_nao.storage import as_json, as_text, read_bytes, write_bytes
 
 MAX_HEADER_BYTES = 1_000_000
 MAX_FILE_BYTES = 256_000_000
-_DTYPES = ("F64", "F32", "F16", "I64", "I32", "I16", "I8", "U64", "U32", "U16", "U8", "BOOL")
-"""Kinds of values that NumPy has too."""
+
+
+@record
+class _Entry:
+    """An array in the frame of a safetensors file, of a type that NumPy has too."""
+
+    dtype: Literal["F64", "F32", "F16", "I64", "I32", "I16", "I8", "U64", "U32", "U16", "U8", "BOOL"]
+    shape: tuple[Index, ...]
+    data_offsets: tuple[Index, Index]
 
 
 def save_tensors(
@@ -100,51 +105,68 @@ def _check_frame(path: Path, kind: str, content: bytes) -> dict[str, Any]:
     if not isinstance(metadata, dict):
         raise FileFormatError(f"{path}: no {kind} file: its header has no metadata")
     available = len(content) - 8 - length
-    for name, entry in table.items():
-        described = Fields(entry, f"{path}: the array `{name[:60]}`")
-        ends = described.listed("data_offsets", most=2)
-        if len(ends) != 2 or any(type(end) is not int or end < 0 for end in ends):
-            raise described.refuse("data_offsets", "two places in the file")
-        if described.any("dtype") not in _DTYPES:
-            raise described.refuse("dtype", f"one of {', '.join(_DTYPES)}")
-        if ends[1] > available:
-            raise FileFormatError(
-                f"{path}: the array `{name[:60]}` is torn: it ends at byte {ends[1]} of the data, {available} are there"
-            )
+    for name, values in table.items():
+        where = f"{path}: the array `{name[:60]}`"
+        end = parse(_Entry, values, where).data_offsets[1]
+        if end > available:
+            raise FileFormatError(f"{where} is torn: it ends at byte {end} of the data, {available} are there")
     return metadata
 
 
 def take(
     path: str | os.PathLike[str],
-    tensors: dict[str, np.ndarray],
+    arrays: dict[str, np.ndarray],
     name: str,
     shape: tuple[int | None, ...],
     dtype: type[np.generic] | None = None,
+    *,
+    kinds: str = "f",
+    least: float = -math.inf,
+    most: float = math.inf,
 ) -> np.ndarray:
-    """Return the array `name` after checking its shape (None matches any size) and that all values are finite.
+    """Return one array of a file after checking it; NaN and infinities are refused in any case.
 
     Args:
         path: The file, for messages.
-        tensors: Its arrays.
+        arrays: All of its arrays.
         name: Which one.
-        shape: What it should be.
-        dtype: Kind of its values; None takes any floating kind.
+        shape: What it should be; None matches any size.
+        dtype: Type of its values; None takes every type of `kinds`.
+        kinds: NumPy's letters for the kinds of values it may hold: ``iu`` whole numbers, ``f`` floating ones.
+        least: Smallest value it may hold.
+        most: Largest value.
 
     Raises:
         FileFormatError: If it is missing or does not fit; the message names the file and the array.
     """
-    if name not in tensors:
-        raise FileFormatError(f"{path}: the array `{name}` is missing")
-    array = tensors[name]
-    fits = array.ndim == len(shape) and all(e in (None, n) for e, n in zip(shape, array.shape, strict=True))
-    if not fits:
+    if name not in arrays:
+        raise FileFormatError(f"{path}: the array `{name}` is missing; the file has {', '.join(arrays)[:200]}")
+    array, where = arrays[name], f"{path}: the array `{name}`"
+    if array.ndim != len(shape) or any(e not in (None, n) for e, n in zip(shape, array.shape, strict=True)):
         expected = ", ".join("any" if e is None else str(e) for e in shape)
-        raise FileFormatError(f"{path}: the array `{name}` should have shape ({expected}), but has {array.shape}")
+        raise FileFormatError(f"{where} should have shape ({expected}), but has {array.shape}")
     if dtype is not None and array.dtype != dtype:
-        raise FileFormatError(f"{path}: the array `{name}` should hold {np.dtype(dtype)}, but holds {array.dtype}")
-    if not np.issubdtype(array.dtype, np.floating) or not np.isfinite(array).all():
-        raise FileFormatError(f"{path}: the array `{name}` should hold finite numbers, but does not")
+        raise FileFormatError(f"{where} should hold {np.dtype(dtype)}, but holds {array.dtype}")
+    if array.dtype.kind not in kinds:
+        wanted = "floating numbers" if kinds == "f" else "whole numbers"
+        raise FileFormatError(f"{where} should hold {wanted}, but holds {array.dtype}")
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        raise FileFormatError(f"{where} should hold finite numbers, but does not")
+    if array.size and not (least <= float(array.min()) and float(array.max()) <= most):
+        raise FileFormatError(
+            f"{where} should hold numbers from {least:g} to {most:g}, but reaches from {array.min()} to {array.max()}"
+        )
     return array
+
+
+def only_arrays(where: object, arrays: Iterable[str], names: Iterable[str]) -> None:
+    """Refuse a file whose arrays have other names than these.
+
+    Raises:
+        FileFormatError: Naming the first of them.
+    """
+    if surplus := sorted(set(arrays) - set(names)):
+        raise FileFormatError(f"{where}: the array `{surplus[0][:60]}` belongs to no part of it")
 
 
 MAX_UNPACKED_BYTES = 256_000_000
@@ -247,71 +269,13 @@ def _is_text(flat: np.ndarray) -> bool:
     return not ((codes > 0x10FFFF) | ((codes >= 0xD800) & (codes < 0xE000))).any()
 
 
-def take_array(
-    path: Path,
-    arrays: dict[str, np.ndarray],
-    name: str,
-    shape: tuple[int, ...],
-    *,
-    kinds: str,
-    least: float = -math.inf,
-    most: float = math.inf,
-) -> np.ndarray:
-    """Return one of the arrays of `read_npz` after checking it.
-
-    Args:
-        path: The file, for messages.
-        arrays: All of its arrays.
-        name: Which one.
-        shape: Its shape.
-        kinds: NumPy's letters for the kinds of values it may hold: ``iu`` whole numbers, ``f`` floating ones.
-        least: Smallest value it may hold; NaN and infinities are refused in any case.
-        most: Largest value.
+def npz_header(path: Path, arrays: dict[str, np.ndarray], what: str) -> Any:
+    """Return the JSON that stands as bytes in the array `header` of an NPZ file.
 
     Raises:
-        FileFormatError: If it is missing or does not fit; the message names the file and the array.
-    """
-    if name not in arrays:
-        raise FileFormatError(f"{path}: `{name}` is missing; the file has {', '.join(arrays)[:200]}")
-    found = arrays[name]
-    if found.shape != shape:
-        raise FileFormatError(f"{path}: `{name}` should have shape {shape}, but has {found.shape}")
-    if found.dtype.kind not in kinds:
-        wanted = "floating numbers" if kinds == "f" else "whole numbers"
-        raise FileFormatError(f"{path}: `{name}` should hold {wanted}, but holds {found.dtype}")
-    if found.dtype.kind == "f" and not np.isfinite(found).all():
-        raise FileFormatError(f"{path}: `{name}` should hold finite numbers, but does not")
-    if found.size and not (least <= float(found.min()) and float(found.max()) <= most):
-        raise FileFormatError(
-            f"{path}: `{name}` should hold numbers from {least:g} to {most:g}, but reaches from {found.min()} to "
-            f"{found.max()}"
-        )
-    return found
-
-
-def take_header(path: Path, arrays: dict[str, np.ndarray], what: str) -> Fields:
-    """Return the JSON object that stands as bytes in the array `header`.
-
-    Raises:
-        FileFormatError: If it is missing, no bytes, or no JSON object.
+        FileFormatError: If it is missing, no bytes, or no JSON.
     """
     found = arrays.get("header")
     if found is None or found.dtype != np.uint8 or found.ndim != 1:
         raise FileFormatError(f"{path}: not a {what}, or a torn one: the array `header` is missing or holds no bytes")
-    try:
-        text = found.tobytes().decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path}: byte {error.start} of its `header` is not UTF-8 text") from None
-    return Fields(as_json(text, f"{path}: `header`"), f"{path}: `header`")
-
-
-def take_record(header: Fields) -> dict[str, Any]:
-    """Return what a file says of its making; its `settings`, if there are any, are an object.
-
-    Raises:
-        FileFormatError: If it is no object.
-    """
-    record = header.object("record")
-    if "settings" in record:
-        record.object("settings")
-    return record.values
+    return as_json(as_text(found.tobytes(), f"{path}: `header`", "header"), f"{path}: `header`")

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
+from pathlib import Path
 from typing import Any
 
-from creative_nao.errors import FileFormatError, shown
+import numpy as np
 
-LONGEST_NAME = 200
-"""Characters of a name: of a joint, an action, an agent."""
+from creative_nao.arrays import npz_header, only_arrays
+from creative_nao.errors import FileFormatError, shown
+from creative_nao.schema import LONGEST_NAME, is_plain_name, is_writable
+
+__all__ = [
+    "LONGEST_NAME", "Fields", "is_plain_name", "is_writable", "only_arrays", "shown", "take_header", "take_record",
+]  # fmt: skip
 
 
 class Fields:
@@ -110,33 +116,21 @@ class Fields:
             raise self.refuse(name, f"{expected}, the version that this release reads")
 
 
-def only_arrays(where: object, arrays: Iterable[str], names: Iterable[str]) -> None:
-    """Refuse a file whose arrays have other names than these.
-
-    Raises:
-        FileFormatError: Naming the first of them.
-    """
-    if surplus := sorted(set(arrays) - set(names)):
-        raise FileFormatError(f"{where}: the array `{surplus[0][:60]}` belongs to no part of it")
-
-
-def is_plain_name(name: str) -> bool:
-    """Return whether a name may become a file's: nothing in it leads elsewhere, hides the file or cannot be seen."""
-    letters = 0 < len(name) <= LONGEST_NAME and name.isprintable() and not any(mark in name for mark in "/\\:")
-    return letters and not name.startswith(".") and name == name.strip()
-
-
-def is_writable(text: str) -> bool:
-    """Return whether text can be written as UTF-8: JSON may hold halves of characters."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
-
-
 def _range(least: float, most: float) -> str:
     low = f" of at least {least:g}" if least > -math.inf else ""
     if most == math.inf:
         return low
     return f"{low} and at most {most:g}" if low else f" of at most {most:g}"
+
+
+def take_header(path: Path, arrays: dict[str, np.ndarray], what: str) -> Fields:
+    """Return the JSON object that stands as bytes in the array `header`."""
+    return Fields(npz_header(path, arrays, what), f"{path}: `header`")
+
+
+def take_record(header: Fields) -> dict[str, Any]:
+    """Return what a file says of its making; its `settings`, if there are any, are an object."""
+    record = header.object("record")
+    if "settings" in record:
+        record.object("settings")
+    return record.values

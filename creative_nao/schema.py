@@ -25,12 +25,11 @@ import dataclasses
 import functools
 import inspect
 import json
-import math
 import os
 import re
 import types
 import typing
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, dataclass_transform, overload
 
@@ -40,12 +39,12 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, FailFast, Fiel
 from pydantic_core import ArgsKwargs
 
 from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError, nearest_name, shown
-from creative_nao.storage import MAX_DEPTH, MAX_DIGITS, MAX_TEXT_BYTES, as_json, as_text, read_bytes, write_text
+from creative_nao.storage import MAX_DIGITS, MAX_TEXT_BYTES, as_json, as_text, json_fault, read_bytes, write_text
 
 __all__ = [
     "AfterValidator", "Count", "Field", "Index", "JsonObject", "LongText", "Name", "Names", "NonNegative", "PlainName",
     "Positive", "Seed", "Sha256", "Text", "UnitInterval", "Version1", "Versions", "checked", "dump", "is_plain_name",
-    "is_writable", "load_json", "only_arrays", "parse", "record", "save_json",
+    "is_writable", "load_json", "parse", "record", "save_json",
 ]  # fmt: skip
 
 T = TypeVar("T")
@@ -81,30 +80,14 @@ def is_writable(text: str) -> bool:
     return True
 
 
+def _json_object(value: dict[str, Any]) -> dict[str, Any]:
+    if (fault := json_fault(value)) is not None:
+        raise ValueError(f"bounded JSON ({fault})")
+    return value
+
+
 def _is_name(text: str) -> bool:
     return 0 < len(text) <= LONGEST_NAME and text.isprintable()
-
-
-def _is_bounded(value: Any) -> bool:
-    """Return whether a value is JSON of at most `MAX_DEPTH` levels with finite numbers of at most `MAX_DIGITS`."""
-    level = [value]
-    for _ in range(MAX_DEPTH):
-        outer, level = level, []
-        for one in outer:
-            if isinstance(one, dict):
-                if not all(isinstance(key, str) for key in one):
-                    return False
-                level += one.values()
-            elif isinstance(one, list | tuple):
-                level += one
-            elif isinstance(one, float):
-                if not math.isfinite(one):
-                    return False
-            elif not (one is None or isinstance(one, str | bool) or (type(one) is int and abs(one) < 10**MAX_DIGITS)):
-                return False
-        if not level:
-            return True
-    return False
 
 
 Count = Annotated[int, Field(ge=1)]
@@ -129,7 +112,7 @@ PlainName = Annotated[str, _must(is_plain_name, "a plain name, as of a file")]
 Sha256 = Annotated[str, _must(re.compile("[0-9a-f]{64}").fullmatch, "a SHA-256 of 64 hexadecimal digits")]
 Versions = Annotated[dict[Text, Text], Field(max_length=1_000)]
 """Versions of packages by name."""
-JsonObject = Annotated[dict[str, Any], _must(_is_bounded, f"a JSON object of at most {MAX_DEPTH} levels")]
+JsonObject = Annotated[dict[str, Any], AfterValidator(_json_object)]
 """Free JSON, such as a record of provenance."""
 Version1 = Annotated[int, _must(lambda version: version == 1, "1, the version that this release reads")]
 """Type of a field `format_version`; a file of another version is refused before its other fields are looked at."""
@@ -233,16 +216,6 @@ def load_json(kind: type[T], path: str | os.PathLike[str], what: str, largest: i
 def save_json(path: str | os.PathLike[str], instance: Any, indent: int | None = 2) -> Path:
     """Write a record as JSON, in one step, and return the path."""
     return write_text(path, json.dumps(dump(instance), indent=indent, allow_nan=False) + "\n")
-
-
-def only_arrays(where: object, arrays: Iterable[str], names: Collection[str]) -> None:
-    """Refuse a file whose arrays have other names than these.
-
-    Raises:
-        FileFormatError: Naming the first of them.
-    """
-    if surplus := sorted(set(arrays) - set(names)):
-        raise FileFormatError(f"{where}: the array `{surplus[0][:60]}` belongs to no part of it")
 
 
 def _accepting(annotation: Any) -> Any:

@@ -1,11 +1,8 @@
-"""Write a file so that a reader sees the old content or the new one, never a torn one.
+"""Files: atomic writes, and bounded reads of bytes, text and JSON that anybody may have made.
 
-The new content goes into a temporary file beside the old one, which it then replaces. Its writer holds a lock on the
-temporary file for as long as it lives; what a killed writer left behind is therefore told from what is being written,
-and swept away by the next writer in that folder.
-
-Also here:
-- Bytes, text and JSON from files that anybody may have made: bounded before they are read, nothing run.
+New content goes into a temporary file beside the old one, which it then replaces: a reader sees the old content or the
+new one. The writer holds a lock on the temporary file for as long as it lives, so that the next writer in that folder
+can tell what a killed writer left behind from what is being written, and remove it.
 """
 
 from __future__ import annotations
@@ -207,32 +204,39 @@ def as_json(text: str, where: str) -> Any:
             is not finite or has more than `MAX_DIGITS` digits.
     """
     try:
-        found = json.loads(
-            text, parse_constant=_refuse, parse_float=_finite, parse_int=_whole, object_pairs_hook=_each_once
-        )
-        deep = _is_deep(found)
+        found = json.loads(text, object_pairs_hook=_each_once)
+        fault = json_fault(found)
     except RecursionError:
-        deep, found = True, None
+        found, fault = None, "it is nested too deeply"
     except ValueError as error:
-        raise FileFormatError(f"{where}: not JSON ({error})") from error
-    if deep:
-        raise FileFormatError(f"{where}: not JSON (it is nested too deeply)")
+        found, fault = None, str(error)
+    if fault is not None:
+        raise FileFormatError(f"{where}: not JSON ({fault})")
     return found
 
 
-def _refuse(word: str) -> float:
-    raise ValueError(f"it holds {word}")
-
-
-def _finite(digits: str) -> float:
-    found = float(digits)
-    return found if math.isfinite(found) else _refuse(digits[:20])
-
-
-def _whole(digits: str) -> int:
-    if len(digits) > MAX_DIGITS:
-        raise ValueError(f"it holds a whole number of {len(digits)} digits")
-    return int(digits)
+def json_fault(value: Any) -> str | None:
+    """Return why a value is not JSON within the bounds (depth, digits, finite numbers, text as keys), else None."""
+    level = [value]
+    for depth in range(MAX_DEPTH + 1):
+        inner: list[Any] = []
+        for one in level:
+            if isinstance(one, dict | list | tuple):
+                if depth == MAX_DEPTH:
+                    return "it is nested too deeply"
+                inner += one.values() if isinstance(one, dict) else one
+                if isinstance(one, dict) and not all(isinstance(key, str) for key in one):
+                    return "it has a key that is no text"
+            elif isinstance(one, float):
+                if not math.isfinite(one):
+                    return f"it holds {one}"
+            elif type(one) is int:
+                if abs(one) >= 10**MAX_DIGITS:
+                    return f"it holds a whole number of more than {MAX_DIGITS} digits"
+            elif not (one is None or isinstance(one, str | bool)):
+                return f"it holds {type(one).__name__}"
+        level = inner
+    return None
 
 
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -242,17 +246,3 @@ def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         again = next(name for name, _ in pairs if name in seen or seen.add(name))
         raise ValueError(f"it says `{again[:60]}` twice")
     return found
-
-
-def _is_deep(value: Any) -> bool:
-    level = [value]
-    for _ in range(MAX_DEPTH):
-        level = [one for outer in level if isinstance(outer, list | dict) for one in _parts(outer)]
-        if not level:
-            return False
-    return True
-
-
-def _parts(outer: list[Any] | dict[str, Any]) -> list[Any]:
-    inner = outer if isinstance(outer, list) else outer.values()
-    return [one for one in inner if isinstance(one, list | dict)]

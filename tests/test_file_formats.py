@@ -60,7 +60,7 @@ def test_a_missing_file_is_named(tmp_path):
     [
         (np.zeros((2, 2)), r"`w` should have shape \(any, 3\), but has \(2, 2\)"),
         (np.full((2, 3), np.inf), "`w` should hold finite numbers"),
-        (np.zeros((2, 3), int), "`w` should hold finite numbers"),
+        (np.zeros((2, 3), int), "`w` should hold floating numbers, but holds int64"),
     ],
 )
 def test_an_array_that_does_not_fit_is_named(array, message):

@@ -23,11 +23,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from creative_nao.arrays import read_npz, take_array, take_header, take_record
+from creative_nao.arrays import read_npz
+from creative_nao.arrays import take as take_array
 from creative_nao.envs.executors import body_figures
 from creative_nao.envs.observation import APPROPRIATE, OF_THE_BODY, OUTCOMES
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
-from creative_nao.fields import only_arrays, shown
+from creative_nao.fields import only_arrays, shown, take_header, take_record
 from creative_nao.joints import JOINTS
 from creative_nao.maps import PAPER_RESOLUTION, pb_grid
 from creative_nao.measures import Criteria, dtw_matrix, score

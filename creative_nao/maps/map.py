@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from creative_nao.arrays import read_npz, take_array, take_header, take_record
+from creative_nao.arrays import read_npz
+from creative_nao.arrays import take as take_array
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError
-from creative_nao.fields import only_arrays
+from creative_nao.fields import only_arrays, take_header, take_record
 from creative_nao.measures import OUTCOMES, Criteria, score
 from creative_nao.measures.outcome import APPROPRIATE
 from creative_nao.model import Memory

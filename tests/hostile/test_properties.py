@@ -13,8 +13,9 @@ from test_broken_bytes import refused
 from victims import JSONS, KINDS, TEXTS
 
 from creative_nao.arrays import load_tensors, read_npz, save_tensors
-from creative_nao.errors import CreativeNaoError, FileFormatError
-from creative_nao.fields import Fields, is_plain_name, shown
+from creative_nao.errors import CreativeNaoError, FileFormatError, shown
+from creative_nao.fields import Fields
+from creative_nao.schema import is_plain_name
 from creative_nao.storage import MAX_DEPTH, as_json, as_text
 
 FAST = settings(

@@ -70,13 +70,14 @@ READERS = {
     "creative_nao/model/memory.py": ("memory",),
     "creative_nao/maps/map.py": ("map",),
 }
-"""Modules that call a reader of `untrusted`, `npz` or `tensorfile`, and the kinds that try them."""
+"""Modules that call a reader of `storage`, `arrays` or `schema`, and the kinds that try them."""
 
 OWN_FILES = {
     "creative_nao/storage.py": "the file it has just written",
     "creative_nao/cli/dispatch.py": "the null device",
     "creative_nao/cli/doctor.py": "/proc/meminfo",
     "creative_nao/evaluation/gallery.py": "pictures it has just drawn",
+    "creative_nao/evaluation/paper/blocks.py": "pictures it has just drawn",
     "creative_nao/evaluation/paper/measuring.py": "figures it kept, done again when they do not fit",
     "creative_nao/evaluation/paper/page.py": "results and pictures it has just written, its style sheet",
     "creative_nao/evaluation/paper/sensitivity.py": "figures it kept, done again when they do not fit",
