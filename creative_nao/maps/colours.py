@@ -41,6 +41,19 @@ UNUSABLE: dict[str, tuple[str, str]] = {
 PAPER_WHITE = "#F5F5F5"
 """What a colour fades to as the similarity to the basic action falls."""
 INK = "#22262B"
+FAINT = "#8A9199"
+OUTCOME_COLOURS = {
+    "learned": GREEN,
+    "unlearned": SKY,
+    "fluctuating": FLUCTUATING,
+    "non_moving": NON_MOVING,
+    "joint_limit": BROWN,
+    "torque_saturated": ORANGE,
+    "tracking_error": YELLOW,
+    "self_collision": BLUE,
+    "fell": INK,
+}
+"""Of outcomes in bars, where no hatching is: those that a robot can use first, then the reasons why not."""
 
 
 def action_colour(place: int) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from creative_nao.maps.colours import (
     colour_values,
     rgb,
 )
-from creative_nao.storage import replacing
+from creative_nao.maps.figure_style import write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -187,9 +186,3 @@ def draw_map(
     if path is not None:
         write_figure(figure, path)
     return figure
-
-
-def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure in one step, as PNG, SVG or PDF by the ending of the path."""
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=150, format=Path(path).suffix.lstrip(".") or "png")

@@ -128,7 +128,7 @@ STEP = 16
 """Lanes go in steps of one 512-bit register of float32."""
 
 
-def _jit(**options: Any) -> Any:
+def compiled(**options: Any) -> Any:
     """Compile at the first call and keep the machine code on disk, or in memory where no folder can be written."""
 
     def wrap(function: Any) -> Any:
@@ -140,7 +140,7 @@ def _jit(**options: Any) -> Any:
     return wrap
 
 
-@_jit()
+@compiled()
 def _against_one(x, n_steps, y, start, rows, squares, out):
     """Distances of the lanes `start` and above to one trajectory.
 
@@ -161,7 +161,7 @@ def _against_one(x, n_steps, y, start, rows, squares, out):
                 out[v] = now[m, v]
 
 
-@_jit()
+@compiled()
 def _batch(first, lanes, xs, x_offset, x_order, ys, y_offset, y_order, symmetric, out):
     """Fill the entries of `out` for the batch of `xs` that begins at place `first` of the order by length."""
     count = min(lanes, x_order.shape[0] - first)
@@ -192,14 +192,14 @@ def _batch(first, lanes, xs, x_offset, x_order, ys, y_offset, y_order, symmetric
 
 
 # Two functions: numba's cache has one entry for both ways of compiling one function, and loads the wrong one.
-@_jit()
+@compiled()
 def fill_serial(lanes, xs, x_offset, x_order, ys, y_offset, y_order, symmetric, out):
     """Fill `out` (len_x, len_y) with distances; `xs` and `ys` hold all ticks in a row, `*_offset` where each begins."""
     for b in range((x_order.shape[0] + lanes - 1) // lanes):
         _batch(b * lanes, lanes, xs, x_offset, x_order, ys, y_offset, y_order, symmetric, out)
 
 
-@_jit(parallel=True)
+@compiled(parallel=True)
 def fill_parallel(lanes, xs, x_offset, x_order, ys, y_offset, y_order, symmetric, out):
     """Do the same as `fill_serial`, the batches shared between threads."""
     n = (x_order.shape[0] + lanes - 1) // lanes
@@ -212,7 +212,7 @@ LANES = 32
 """Pairs side by side: both members and two rows of the dynamic programme stay in a fast cache."""
 
 
-@_jit()
+@compiled()
 def _side_by_side(x, y, rows, squares):
     """Fill row 0 or 1 of `rows`, returned, column by column; its last column holds the distances.
 
@@ -238,7 +238,7 @@ def _side_by_side(x, y, rows, squares):
     return x.shape[0] & 1
 
 
-@_jit()
+@compiled()
 def _gather(values, places, width, out):
     """Lay the trajectories at `places` side by side; lanes beyond the last repeat it."""
     for lane in range(width):
@@ -248,7 +248,7 @@ def _gather(values, places, width, out):
                 out[t, k, lane] = one[t, k]
 
 
-@_jit()
+@compiled()
 def __pairs_batch(values, first, second, out):
     n = first.shape[0]
     width = (n + STEP - 1) // STEP * STEP
@@ -262,7 +262,7 @@ def __pairs_batch(values, first, second, out):
     out[:] = rows[last, values.shape[1], :n]
 
 
-@_jit()
+@compiled()
 def fill_pairs(values, first, second, out):
     """Fill `out` (n,) with the distances of values[first] to values[second]; values: (N, ticks, joints)."""
     for start in range(0, first.shape[0], LANES):
@@ -270,7 +270,7 @@ def fill_pairs(values, first, second, out):
         __pairs_batch(values, first[start:stop], second[start:stop], out[start:stop])
 
 
-@_jit()
+@compiled()
 def one_distance(a, b, window, normalise, squared, cost, cells):
     """Distance of a (n, joints) to b (m, joints), all joints warped together.
 
@@ -302,7 +302,7 @@ def one_distance(a, b, window, normalise, squared, cost, cells):
     return cost[last, m] / cells[last, m] if normalise else cost[last, m]
 
 
-@_jit()
+@compiled()
 def fill_variant(a, a_offset, b, b_offset, dependent, window, normalise, squared, out):
     """Fill `out` (len_a, len_b); `a` and `b` hold all ticks in a row, `*_offset` where each trajectory begins.
 

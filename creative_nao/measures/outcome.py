@@ -1,7 +1,7 @@
-"""Which generated actions a robot could be asked to do: not too fast, and not standing still.
+"""The outcome of each generated action: learned, unlearned, fluctuating, non-moving or refused by the body.
 
-Also here:
-- What each generated action is: learned, unlearned, fluctuating or non-moving, and how far from what was taught.
+`outcome_codes` holds the one order in which these are decided, for measures, maps and environments alike. What it asks
+for is measured here with NumPy; `_outcome_kernel.py` is the compiled twin, with the same bits, for the environments.
 """
 
 from __future__ import annotations
@@ -15,6 +15,18 @@ from numpy.typing import DTypeLike
 
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures.dtw import Trajectories, dtw_matrix
+
+OUTCOMES = ("learned", "unlearned", "fluctuating", "non_moving")
+"""Outcomes of a trajectory by itself; each has exactly one."""
+PHYSICAL_FAULTS = ("joint_limit", "torque_saturated", "tracking_error", "self_collision", "fell")
+"""Outcomes that only a robot's body adds."""
+ALL_OUTCOMES = (*OUTCOMES, *PHYSICAL_FAULTS)
+"""Every outcome; its place here is its code."""
+APPROPRIATE = ("learned", "unlearned")
+"""Outcomes of what a robot can use: the first codes."""
+OUTCOME_CODE = {name: code for code, name in enumerate(ALL_OUTCOMES)}
+NO_FAULT = -1
+"""Code where the body refused nothing."""
 
 BLOCK = 4096
 """Trajectories looked at together, so that a map of 40,000 needs little memory beside its own."""
@@ -64,6 +76,37 @@ class Criteria:
 PAPER_CRITERIA = Criteria()
 """The default everywhere."""
 
+SPEED_TOLERANCE = 1.0 + 1e-12
+"""Factor on a speed limit: the fastest basic action at factor 1 must pass, whatever the last bit of a division says."""
+
+
+def outcome_codes(
+    distance: np.ndarray,
+    *,
+    too_fast: np.ndarray,
+    non_moving: np.ndarray,
+    fault: np.ndarray | None = None,
+    learned_threshold: float = PAPER_CRITERIA.learned_threshold,
+) -> np.ndarray:
+    """Return the outcome of each of n actions as a code, its place in `ALL_OUTCOMES`, shape (n,) of int.
+
+    The first of these that holds decides: the command is too fast (`fluctuating`), the body refused it (the fault),
+    it stands still (`non_moving`), it is close to a basic action (`learned`), else it is `unlearned`.
+
+    Args:
+        distance: To the nearest basic action [rad], shape (n,).
+        too_fast: Whether a joint of the command exceeds its speed limit, shape (n,) of bool.
+        non_moving: Whether no joint travels enough, shape (n,) of bool.
+        fault: Code of what the body refused, `NO_FAULT` where nothing, shape (n,) of int; None without a body.
+        learned_threshold: Largest distance of what counts as learned [rad].
+    """
+    codes = np.where(distance <= learned_threshold, OUTCOME_CODE["learned"], OUTCOME_CODE["unlearned"])
+    codes[non_moving] = OUTCOME_CODE["non_moving"]
+    if fault is not None:
+        codes = np.where(fault == NO_FAULT, codes, fault)
+    codes[too_fast] = OUTCOME_CODE["fluctuating"]
+    return codes
+
 
 def largest_speeds(trajectories: Trajectories, dt_s: float) -> np.ndarray:
     """Return the largest speed of each joint in each trajectory [rad/s], shape (n, n_joints).
@@ -102,8 +145,7 @@ def is_fluctuating(trajectories: Trajectories, demos: BasicActions, criteria: Cr
     speeds = largest_speeds(trajectories, demos.dt_s)
     if not len(speeds):
         return np.zeros(0, dtype=bool)
-    # A copy of the fastest basic action at factor 1 must pass, whatever the last bit of the division says.
-    return np.any(speeds > speed_limits(demos, criteria) * (1.0 + 1e-12), axis=1)
+    return np.any(speeds > speed_limits(demos, criteria) * SPEED_TOLERANCE, axis=1)
 
 
 def is_non_moving(trajectories: Trajectories, demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> np.ndarray:
@@ -162,12 +204,6 @@ def _numbered_blocks(trajectories: Trajectories) -> Iterator[tuple[int, np.ndarr
     else:
         for start, one in enumerate(trajectories):
             yield start, np.asarray(one, dtype=np.float64)[None]
-
-
-OUTCOMES = ("learned", "unlearned", "fluctuating", "non_moving")
-"""Every trajectory has exactly one of these."""
-APPROPRIATE = ("learned", "unlearned")
-"""Outcomes of what a robot can use."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,8 +268,10 @@ def score(
         distances[start : start + 2 * BLOCK] = dtw_matrix(trajectories[start : start + 2 * BLOCK], basic, dtype)
     nearest = distances.argmin(axis=1)
     novelty = distances.min(axis=1)
-    outcome = np.where(novelty <= criteria.learned_threshold, "learned", "unlearned").astype("<U11")
-    if len(outcome):
-        outcome[is_non_moving(trajectories, demos, criteria)] = "non_moving"
-        outcome[is_fluctuating(trajectories, demos, criteria)] = "fluctuating"
-    return Scores(outcome, novelty, nearest, distances, np.isin(outcome, APPROPRIATE))
+    codes = outcome_codes(
+        novelty,
+        too_fast=is_fluctuating(trajectories, demos, criteria),
+        non_moving=is_non_moving(trajectories, demos, criteria),
+        learned_threshold=criteria.learned_threshold,
+    )
+    return Scores(np.array(OUTCOMES)[codes], novelty, nearest, distances, codes < len(APPROPRIATE))

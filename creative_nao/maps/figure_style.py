@@ -1,0 +1,92 @@
+"""The one look of all figures, and how they are made without a display and written; their colours: `colours.py`."""
+
+from __future__ import annotations
+
+import io
+import os
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from creative_nao.maps.colours import FAINT, INK
+from creative_nao.storage import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# matplotlib takes a fifth of a second to import, so only what draws does it.
+
+STYLE: dict[Any, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib: the same picture everywhere
+    "font.size": 10.0,
+    "axes.titlesize": 11.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#E6E8EB",
+    "grid.linewidth": 0.8,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "text.color": INK,
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "svg.hashsalt": "creative_nao",  # the same figure, the same file
+}
+"""Of matplotlib's settings; `styled` makes them hold."""
+DPI = 150
+N_COLOURS = 256
+"""Colours of a PNG, which is a quarter of the size of one with all. They are chosen by octree: cutting at medians saves
+less and merges a rare colour, such as that of non-moving points, with a frequent one."""
+
+
+def styled() -> AbstractContextManager[None]:
+    """Return a context in which figures are drawn in `STYLE`."""
+    import matplotlib
+
+    return matplotlib.rc_context(STYLE)
+
+
+def figure(
+    width: float, height: float, n_rows: int = 1, n_columns: int = 1, **kwargs: Any
+) -> tuple[Figure, list[Axes]]:
+    """Return an empty figure of `width` x `height` inches, free of any display, and its axes row by row."""
+    from matplotlib.figure import Figure
+
+    drawn = Figure(figsize=(width, height), layout="constrained")
+    axes = drawn.subplots(n_rows, n_columns, squeeze=False, **kwargs)
+    return drawn, list(axes.ravel())
+
+
+def save(drawn: Figure, path: Path) -> Path:
+    """Write a figure as `path`.png and `path`.svg, each in one step, and return the PNG's path."""
+    png, svg = path.with_suffix(".png"), path.with_suffix(".svg")
+    pixels = io.BytesIO()
+    drawn.savefig(pixels, format="png", dpi=DPI)
+    save_small(pixels, png)
+    with replacing(svg) as temporary:
+        drawn.savefig(temporary, format="svg", metadata={"Date": None})
+    return png
+
+
+def save_small(picture: Path | io.BytesIO, png: Path) -> None:
+    """Write a picture in `N_COLOURS` as a PNG, in one step; it may be that very file."""
+    from PIL import Image
+
+    with Image.open(picture) as whole:
+        few = whole.convert("RGB").quantize(N_COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    with replacing(png) as temporary:
+        few.save(temporary, format="PNG", optimize=True)
+
+
+def write_figure(drawn: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure in one step, as PNG, SVG or PDF by the ending of the path."""
+    with replacing(path) as temporary:
+        drawn.savefig(temporary, dpi=DPI, format=Path(path).suffix.lstrip(".") or "png")
