@@ -14,7 +14,7 @@ import matplotlib as mpl
 import numpy as np
 
 from creative_nao.agents import load_agent, make_agent, shipped_agents
-from creative_nao.agents.evaluate_policy import Score, play_episodes
+from creative_nao.agents.play import Score, evaluate_agent
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -93,7 +93,7 @@ def main() -> None:
         assert score is not None
         env = name.split("/")[1]
         if env not in chance:
-            episodes = play_episodes(make_agent("random"), score.env, score.memories, score.seeds)
+            episodes = evaluate_agent(make_agent("random"), score.env, score.memories, score.seeds)
             chance[env] = Score(score.env, True, episodes)
         cards.append(card(name, chance[env]))
     draw(runs, names, chance)

@@ -14,7 +14,7 @@ import numpy as np
 
 from creative_nao import load_memory
 from creative_nao.agents import load_agent, make_agent, shipped_agents
-from creative_nao.agents.evaluate_policy import make_env
+from creative_nao.agents.play import make_env
 from creative_nao.evaluation.protocol import play
 from creative_nao.robot import imagined_frames, pictures, write_gif
 from creative_nao.robot.scene import Scene

@@ -18,15 +18,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from gymnasium.spaces import Box
 
-from creative_nao.agents.adapters import PolicyAgent
 from creative_nao.agents.algorithms import find_algorithm
-from creative_nao.agents.evaluate_policy import Score, play_episodes
+from creative_nao.agents.play import Score, evaluate_policy
 from creative_nao.agents.ppo import PPOSettings, build_policy, settings_from
 from creative_nao.agents.settings import Hyperparameters, check_entry, nets_of, resolve_policy_kwargs
 from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.errors import CreativeNaoError, FileFormatError, NotFoundError, SettingsError, nearest_name
 from creative_nao.fields import Fields, shown
 from creative_nao.runtime import versions
+from creative_nao.schema import parse
 
 if TYPE_CHECKING:
     from stable_baselines3.common.policies import BasePolicy
@@ -210,7 +210,7 @@ def _header(path: Path, described: dict[str, Any]) -> BundleHeader:
         part = "versions"
         found = {str(name): str(value) for name, value in described[part].items()}
         part = "score"
-        score = Score.from_json(described[part]) if part in described else None
+        score = parse(Score, described[part], "it") if part in described else None
     except KeyError:
         raise FileFormatError(f"agent bundle {path}: header part `{part}` is missing or incomplete") from None
     except (CreativeNaoError, TypeError, ValueError, AttributeError, AssertionError, OverflowError) as error:
@@ -311,25 +311,9 @@ def replay(trained: TrainedPolicy, progress: Callable[[int], None] | None = None
     recorded = trained.header.score
     if recorded is None:
         raise SettingsError("this bundle records no score to replay; agents trained with `creative-nao agent train` do")
-    return score_policy(
+    return evaluate_policy(
         trained, recorded.env, recorded.memories, recorded.seeds, recorded.deterministic, progress=progress
     )
-
-
-def score_policy(
-    policy: TrainedPolicy,
-    env_id: str,
-    memories: tuple[str, ...],
-    seeds: tuple[int, ...],
-    deterministic: bool,
-    progress: Callable[[int], None] | None = None,
-) -> Score:
-    """Return the score of a policy over memories and seeds; see `play_episodes`."""
-    import torch
-
-    torch.set_num_threads(1)  # so that sums are made in the same order everywhere
-    agent = PolicyAgent(policy, deterministic=deterministic)
-    return Score(env_id, deterministic, play_episodes(agent, env_id, memories, seeds, progress=progress))
 
 
 def machine() -> str:

@@ -23,7 +23,7 @@ import numpy as np
 from creative_nao import storage
 from creative_nao.agents.adapters import PolicyAgent
 from creative_nao.agents.algorithms import find_algorithm
-from creative_nao.agents.evaluate_policy import check_env, play_episodes
+from creative_nao.agents.play import check_env, evaluate_agent
 from creative_nao.agents.settings import Hyperparameters, resolve_policy_kwargs, schedule
 from creative_nao.agents.training_state import (
     TrainingRecord,
@@ -346,7 +346,7 @@ def train_agent(
 
     def judge() -> tuple[float, ...]:
         agent = PolicyAgent(model.policy, deterministic=_only_deterministic(plan))
-        return tuple(one.reward for one in play_episodes(agent, plan.judged_env, memories, plan.judged_seeds))
+        return tuple(one.reward for one in evaluate_agent(agent, plan.judged_env, memories, plan.judged_seeds))
 
     callback = watch(
         plan, record, state, judge=judge, checkpoint=checkpoint, tensorboard=tensorboard, logs=logs,

@@ -9,7 +9,7 @@ import tyro
 
 from creative_nao.agents.adapters import PolicyAgent
 from creative_nao.agents.bundle import TrainedPolicy, replay
-from creative_nao.agents.evaluate_policy import PlayedEpisode, Score, play_episodes
+from creative_nao.agents.play import PlayedEpisode, Score, evaluate_agent
 from creative_nao.agents.registry import make_agent
 from creative_nao.agents.training import memories_of
 from creative_nao.cli.progress import Display
@@ -52,7 +52,7 @@ def run(settings: RunAgentSettings) -> int:
     memories = memories_of(settings.memory)
     seeds = range(settings.seed, settings.seed + settings.episodes)
     with Display({"playing": len(memories) * len(seeds)}) as display:
-        episodes = play_episodes(agent, env_id, memories, seeds, progress=lambda done: display.show("playing", done))
+        episodes = evaluate_agent(agent, env_id, memories, seeds, progress=lambda done: display.show("playing", done))
     deterministic = agent.deterministic if isinstance(agent, PolicyAgent) else True
     score = Score(env_id, deterministic, episodes)
     if settings.json:

@@ -16,8 +16,8 @@ import tyro
 
 from creative_nao import storage
 from creative_nao.agents.algorithms import find_algorithm
-from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, machine, save_bundle, score_policy
-from creative_nao.agents.evaluate_policy import Score, check_env
+from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, machine, save_bundle
+from creative_nao.agents.play import Score, check_env, evaluate_policy
 from creative_nao.agents.settings import read_hyperparameters
 from creative_nao.agents.training import TrainingPlan, memories_of, train_agent
 from creative_nao.agents.training_state import TrainingRecord
@@ -189,7 +189,7 @@ def _score(trained: TrainedPolicy, settings: TrainAgentSettings, plan: TrainingP
     n_episodes = len(memories) * len(seeds)
     with Display({"scoring": n_episodes * (2 + (settings.env != plan.env))}) as display:
         played = [
-            score_policy(
+            evaluate_policy(
                 trained, plan.env, memories, seeds, deterministic,
                 progress=lambda done, before=k * n_episodes: display.show("scoring", before + done),
             )
@@ -198,7 +198,7 @@ def _score(trained: TrainedPolicy, settings: TrainAgentSettings, plan: TrainingP
         best = max(played, key=lambda score: score.mean)
         if settings.env == plan.env:
             return best
-        return score_policy(
+        return evaluate_policy(
             trained, settings.env, memories, seeds, best.deterministic,
             progress=lambda done: display.show("scoring", 2 * n_episodes + done),
         )  # fmt: skip

@@ -15,11 +15,10 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.spaces import Box
 
 from creative_nao import storage
-from creative_nao.agents.base import Agent, Context
-from creative_nao.errors import SettingsError
+from creative_nao.agents.base import Agent
+from creative_nao.agents.play import play_episode
 
 
 @dataclass(frozen=True)
@@ -100,26 +99,12 @@ def play(
         SettingsError: If the episode is shorter or longer than the budget, or the spaces are no boxes.
     """
     rng, env_seed = random_streams(base_seed, seed, agent.name)
-    if not isinstance(env.action_space, Box) or not isinstance(env.observation_space, Box):
-        raise SettingsError(f"environment {env} should have Box spaces, but has {env.action_space}")
     start = time.perf_counter()
-    observation, _ = env.reset(seed=env_seed)
-    memory_object = getattr(env.unwrapped, "memory", None)
-    n_decisions = int(getattr(env.unwrapped, "n_decisions", 1))
-    agent.begin(Context(env.action_space, env.observation_space, n_actions * n_decisions, rng, memory_object))
     records: list[ActionRecord] = []
     info: dict[str, Any] = {}
-    ended = False
-    while not ended and len(records) < n_actions:
-        pb = agent.ask(observation)
-        observation, reward, terminated, truncated, info = env.step(pb)
-        agent.tell(pb, observation, float(reward), info)
+    for pb, reward, info in play_episode(agent, env, seed=env_seed, rng=rng, n_actions=n_actions):
         if "outcome" in info:  # else the action is still unfolding
-            records.append(_record(len(records) + 1, pb, float(reward), info))
-        ended = terminated or truncated
-    if not ended or len(records) < n_actions:
-        found = "goes on" if not ended else f"ends after {len(records)}"
-        raise SettingsError(f"`n_actions` should be the environment's episode length, but is {n_actions}; it {found}")
+            records.append(_record(len(records) + 1, pb, reward, info))
     measures = info["episode_measures"]
     return Episode(
         agent=agent.name,

@@ -8,8 +8,8 @@ import pytest
 
 from creative_nao.agents import BundleHeader, TrainedPolicy, load_agent, make_agent, save_bundle
 from creative_nao.agents.algorithms import ALGORITHMS, CELL_POLICY, CELL_SAC_POLICY
-from creative_nao.agents.bundle import replay, score_policy
-from creative_nao.agents.evaluate_policy import play_episodes
+from creative_nao.agents.bundle import replay
+from creative_nao.agents.play import evaluate_agent, evaluate_policy
 from creative_nao.agents.settings import AUGMENTATION, check_entry
 from creative_nao.agents.training import TrainingPlan, train_agent
 from creative_nao.agents.training_state import KIND
@@ -112,7 +112,7 @@ def test_the_best_weights_are_kept():
     assert best > 0
     from creative_nao.agents import PolicyAgent
 
-    played = play_episodes(PolicyAgent(policy, deterministic=False), ENV, ["half/10"], [0])
+    played = evaluate_agent(PolicyAgent(policy, deterministic=False), ENV, ["half/10"], [0])
     assert (played[0].reward,) == record.evaluations[best]
 
 
@@ -153,7 +153,7 @@ def scored_bundle(request, tmp_path):
         algorithm, chosen.hyperparameters, ENV, "train", 0, 240, policy.observation_space, policy.action_space,
         command="the command",
     )  # fmt: skip
-    score = score_policy(TrainedPolicy(header, policy), ENV, ("half/10", "open/10"), (0, 1), deterministic=False)
+    score = evaluate_policy(TrainedPolicy(header, policy), ENV, ("half/10", "open/10"), (0, 1), deterministic=False)
     return save_bundle(tmp_path / "agent", dataclasses.replace(header, score=score), policy)
 
 
@@ -214,7 +214,7 @@ def test_a_factory_of_one_s_own_plays(monkeypatch):
     monkeypatch.setitem(sys.modules, "my_agents", sys.modules[__name__])
     agent = make_agent("my_agents:centre")
     assert agent.name == "my_agents:centre"
-    assert play_episodes(agent, ENV, ["half/10"], [0])[0].reward >= 0.0
+    assert evaluate_agent(agent, ENV, ["half/10"], [0])[0].reward >= 0.0
     with pytest.raises(NotFoundError, match="agent `my_agents:corner`: `my_agents` has no `corner`"):
         make_agent("my_agents:corner")
     with pytest.raises(SettingsError, match="an agent should be an `Agent`, an object with `predict`"):
@@ -223,4 +223,4 @@ def test_a_factory_of_one_s_own_plays(monkeypatch):
 
 def test_an_unknown_environment_brings_the_nearest():
     with pytest.raises(NotFoundError, match=r"no environment `CreativeNao/Boxin-v0` \(did you mean"):
-        play_episodes(make_agent("random"), "CreativeNao/Boxin-v0", ["half/10"], [0])
+        evaluate_agent(make_agent("random"), "CreativeNao/Boxin-v0", ["half/10"], [0])

@@ -9,7 +9,7 @@ import pytest
 from victims import ENV
 
 import creative_nao  # noqa: F401
-from creative_nao.agents.evaluate_policy import PlayedEpisode, Score
+from creative_nao.agents.play import PlayedEpisode, Score
 from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.cli import main
 from creative_nao.envs import EnvState

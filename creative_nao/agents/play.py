@@ -1,0 +1,224 @@
+"""Play episodes: one step by step, or one for each memory and seed as a score.
+
+The same agent, memories and seeds give the same rewards, bit for bit on one machine; a bundle's recorded score is
+checked that way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Annotated, Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.spaces import Box
+from pydantic import Field
+
+from creative_nao.agents.adapters import Policy, PolicyAgent
+from creative_nao.agents.base import Agent, Context
+from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.schema import Index, LongText, dump, record
+
+MEASURES = ("appropriateness_pct", "novelty", "diversity")
+"""What `info["episode_measures"]` tells at the end of an episode."""
+_USUAL_BUDGET = 30
+
+
+class Step(NamedTuple):
+    """One step of an episode.
+
+    Attributes:
+        pb: The PB vector that the agent chose, shape (n_pb,).
+        reward: Its reward.
+        info: What the environment tells; it has an `outcome` when the movement has ended.
+    """
+
+    pb: np.ndarray
+    reward: float
+    info: dict[str, Any]
+
+
+@record
+class PlayedEpisode:
+    """What one episode came to.
+
+    Attributes:
+        memory: Name of the memory.
+        seed: Seed of the environment and of the agent's draws.
+        reward: Sum of the rewards.
+        appropriateness_pct: Share of appropriate actions.
+        novelty: Mean distance of the appropriate ones to the basic actions [rad], None without any.
+        diversity: Mean distance between them [rad], None with fewer than two.
+    """
+
+    memory: LongText
+    seed: Index
+    reward: float
+    appropriateness_pct: float | None = None
+    novelty: float | None = None
+    diversity: float | None = None
+
+
+@record(closed=False)
+class Score:
+    """A recorded score.
+
+    Attributes:
+        env: Environment it was played in.
+        deterministic: Whether the most likely actions were played, or drawn ones.
+        episodes: Every episode.
+    """
+
+    env: LongText
+    deterministic: bool
+    episodes: Annotated[tuple[PlayedEpisode, ...], Field(min_length=1, max_length=100_000)]
+
+    @property
+    def mean(self) -> float:
+        """Mean reward of an episode."""
+        return math.fsum(one.reward for one in self.episodes) / len(self.episodes)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the mean, bootstrapped over memories (each one's seeds stay together)."""
+        by_memory = [[one.reward for one in self.episodes if one.memory == name] for name in self.memories]
+        means = np.array([math.fsum(rewards) / len(rewards) for rewards in by_memory])
+        drawn = np.random.default_rng(0).integers(len(means), size=(10_000, len(means)))
+        low, high = np.quantile(means[drawn].mean(axis=1), [0.025, 0.975])
+        return float(low), float(high)
+
+    @property
+    def memories(self) -> tuple[str, ...]:
+        """The memories, in the order of play."""
+        return tuple(dict.fromkeys(one.memory for one in self.episodes))
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """The seeds of each memory."""
+        return tuple(dict.fromkeys(one.seed for one in self.episodes))
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as plain values, with mean and interval; `schema.parse` reads them."""
+        values = dump(self)
+        episodes = values.pop("episodes")
+        return {**values, "mean": self.mean, "interval_95": list(self.interval), "episodes": episodes}
+
+
+def play_episode(
+    agent: Agent, env: gym.Env, *, seed: int, rng: np.random.Generator, n_actions: int | None = None
+) -> Iterator[Step]:
+    """Let an agent play one episode and yield every step as it is made.
+
+    Args:
+        agent: The agent; it is begun anew.
+        env: The environment; it is reset.
+        seed: Seed of the environment.
+        rng: The agent's only source of randomness.
+        n_actions: The budget in movements, which has to be the length of the environment's episode; None takes over
+            what the environment says, and plays to its end. Where a movement takes several decisions, the agent is
+            asked for each.
+
+    Raises:
+        SettingsError: If the spaces are no boxes, or the episode is shorter or longer than `n_actions`.
+    """
+    if not isinstance(env.action_space, Box) or not isinstance(env.observation_space, Box):
+        raise SettingsError(f"environment {env} should have Box spaces, but has {env.action_space}")
+    observation, _ = env.reset(seed=seed)
+    inner: Any = env.unwrapped
+    budget = getattr(inner, "n_actions", _USUAL_BUDGET) if n_actions is None else n_actions
+    budget *= int(getattr(inner, "n_decisions", 1))
+    agent.begin(Context(env.action_space, env.observation_space, budget, rng, getattr(inner, "memory", None)))
+    n_movements, ended = 0, False
+    while not ended and n_movements != n_actions:
+        pb = agent.ask(observation)
+        observation, reward, terminated, truncated, info = env.step(pb)
+        agent.tell(pb, observation, float(reward), info)
+        n_movements += "outcome" in info
+        ended = terminated or truncated
+        yield Step(pb, float(reward), info)
+    if n_actions is not None and (not ended or n_movements < n_actions):
+        found = "goes on" if not ended else f"ends after {n_movements}"
+        raise SettingsError(f"`n_actions` should be the environment's episode length, but is {n_actions}; it {found}")
+
+
+def evaluate_agent(
+    agent: Agent,
+    env_id: str,
+    memories: Iterable[str],
+    seeds: Sequence[int],
+    *,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[PlayedEpisode, ...]:
+    """Let an agent play one episode for each memory and seed.
+
+    Args:
+        agent: The agent.
+        env_id: Name of the environment.
+        memories: Names or files of memories.
+        seeds: Seeds; each decides the environment's and the agent's draws of an episode.
+        progress: Called with the number of episodes played.
+
+    Raises:
+        NotFoundError: If there is no such environment or memory.
+        SettingsError: If its spaces are no boxes.
+    """
+    episodes: list[PlayedEpisode] = []
+    for memory in memories:
+        env = make_env(env_id, memory=memory)
+        try:
+            for seed in seeds:
+                rewards, info = [], {}
+                for step in play_episode(agent, env, seed=seed, rng=np.random.default_rng(seed)):
+                    rewards.append(step.reward)
+                    info = step.info
+                measures = {name: info.get("episode_measures", {}).get(name) for name in MEASURES}
+                episodes.append(PlayedEpisode(memory, seed, math.fsum(rewards), **measures))
+                if progress is not None:
+                    progress(len(episodes))
+        finally:
+            env.close()
+    return tuple(episodes)
+
+
+def evaluate_policy(
+    policy: Policy,
+    env_id: str,
+    memories: Iterable[str],
+    seeds: Sequence[int],
+    deterministic: bool,
+    progress: Callable[[int], None] | None = None,
+) -> Score:
+    """Return the score of a policy over memories and seeds on one thread of torch; see `evaluate_agent`."""
+    import torch
+
+    torch.set_num_threads(1)  # so that sums are made in the same order everywhere
+    agent = PolicyAgent(policy, deterministic=deterministic)
+    return Score(env_id, deterministic, evaluate_agent(agent, env_id, memories, seeds, progress=progress))
+
+
+def make_env(env_id: str, **arguments: Any) -> gym.Env:
+    """Make an environment by name.
+
+    Raises:
+        NotFoundError: If there is none of this name; the message offers the nearest.
+    """
+    check_env(env_id)
+    return gym.make(env_id, **arguments)
+
+
+def check_env(env_id: str) -> EnvSpec:
+    """Return the entry of an environment's name.
+
+    Raises:
+        NotFoundError: If there is none of this name; the message offers the nearest.
+    """
+    try:
+        return gym.spec(env_id)
+    except (gym.error.Error, ImportError) as error:
+        from creative_nao.envs import ENVIRONMENTS
+
+        raise NotFoundError(
+            f"no environment `{env_id}`{nearest_name(env_id, ENVIRONMENTS)}; there are {', '.join(ENVIRONMENTS)}"
+        ) from error
