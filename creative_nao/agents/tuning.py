@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from creative_nao import storage
 from creative_nao.agents.algorithms import CELL_POLICY, CELL_SAC_POLICY, find_algorithm
 from creative_nao.agents.base import at_least
 from creative_nao.agents.settings import Hyperparameters, read_hyperparameters
@@ -95,8 +96,8 @@ def tune(
         raise SettingsError(f"{journal} is left from an earlier search; go on from it with --resume, or remove it")
     out.mkdir(parents=True, exist_ok=True)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    storage = optuna.storages.JournalStorage(optuna.storages.journal.JournalFileBackend(str(journal)))
-    study = optuna.create_study(storage=storage, study_name="tuning", direction="maximize", load_if_exists=True)
+    journal_storage = optuna.storages.JournalStorage(optuna.storages.journal.JournalFileBackend(str(journal)))
+    study = optuna.create_study(storage=journal_storage, study_name="tuning", direction="maximize", load_if_exists=True)
     about = {"start": start.as_zoo(), "algorithm": known.name, "env": plan.env, "seed": plan.seed}
     about["n_judged_seeds"] = plan.n_judged_seeds
     if study.user_attrs.get("about", about) != about:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 
 import tyro
 
@@ -12,7 +11,7 @@ from creative_nao.agents.bundle import TrainedPolicy, replay
 from creative_nao.agents.play import PlayedEpisode, Score, evaluate_agent
 from creative_nao.agents.registry import make_agent
 from creative_nao.agents.training import memories_of
-from creative_nao.cli.progress import Display
+from creative_nao.cli.terminal import Display, print_result
 from creative_nao.errors import SettingsError
 
 
@@ -55,16 +54,13 @@ def run(settings: RunAgentSettings) -> int:
         episodes = evaluate_agent(agent, env_id, memories, seeds, progress=lambda done: display.show("playing", done))
     deterministic = agent.deterministic if isinstance(agent, PolicyAgent) else True
     score = Score(env_id, deterministic, episodes)
-    if settings.json:
-        print(json.dumps({"agent": agent.name, **score.as_json()}))  # noqa: T201 - the command's output
-        return 0
-    for one in episodes:
-        print(_line(one))  # noqa: T201
     low, high = score.interval
-    print(  # noqa: T201
+    mean = (
         f"{agent.name} in {env_id}: mean reward {score.mean:.2f} ({low:.2f} to {high:.2f}, "
         f"95 % over {len(memories)} memories), {len(episodes)} episodes"
     )
+    figures = {"agent": agent.name, **score.as_json()}
+    print_result(figures, [*map(_line, episodes), mean], as_json=settings.json)
     return 0
 
 
@@ -76,16 +72,15 @@ def _replay(trained: TrainedPolicy, settings: RunAgentSettings) -> int:
     with Display({"replaying": n_episodes}) as display:
         score = replay(trained, progress=lambda done: display.show("replaying", done))
     same = score == recorded
-    if settings.json:
-        print(json.dumps({"agent": trained.header.agent, "reproduced": same, **score.as_json()}))  # noqa: T201
-    else:
-        assert recorded is not None
-        verdict = "reproduced exactly" if same else f"not reproduced, now {score.mean!r}; recorded with"
-        made_with = "" if same else f" {trained.header.machine}, {trained.header.versions}"
-        print(  # noqa: T201
-            f"{settings.agent}: recorded {recorded.mean!r} over {n_episodes} episodes in "
-            f"{recorded.env}: {verdict}{made_with}"
-        )
+    assert recorded is not None
+    verdict = "reproduced exactly" if same else f"not reproduced, now {score.mean!r}; recorded with"
+    made_with = "" if same else f" {trained.header.machine}, {trained.header.versions}"
+    line = (
+        f"{settings.agent}: recorded {recorded.mean!r} over {n_episodes} episodes in "
+        f"{recorded.env}: {verdict}{made_with}"
+    )
+    figures = {"agent": trained.header.agent, "reproduced": same, **score.as_json()}
+    print_result(figures, [line], as_json=settings.json)
     return 0 if same else 1
 
 
@@ -103,11 +98,11 @@ def _of_the_bundle(env_id: str) -> str:
     return env_id
 
 
-def _line(one: PlayedEpisode) -> str:
-    told = [f"{one.memory:<10} seed {one.seed}: reward {one.reward:6.2f}"]
-    if one.appropriateness_pct is not None:
-        told.append(f"appropriate {one.appropriateness_pct:5.1f} %")
+def _line(episode: PlayedEpisode) -> str:
+    parts = [f"{episode.memory:<10} seed {episode.seed}: reward {episode.reward:6.2f}"]
+    if episode.appropriateness_pct is not None:
+        parts.append(f"appropriate {episode.appropriateness_pct:5.1f} %")
     for name in ("novelty", "diversity"):
-        if (value := getattr(one, name)) is not None:
-            told.append(f"{name} {value:5.2f}")
-    return ", ".join(told)
+        if (value := getattr(episode, name)) is not None:
+            parts.append(f"{name} {value:5.2f}")
+    return ", ".join(parts)

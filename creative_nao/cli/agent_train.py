@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import signal
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +18,7 @@ from creative_nao.agents.play import Score, check_env, evaluate_policy
 from creative_nao.agents.settings import read_hyperparameters
 from creative_nao.agents.training import TrainingPlan, memories_of, train_agent
 from creative_nao.agents.training_state import TrainingRecord
-from creative_nao.cli.progress import Display
+from creative_nao.cli.terminal import Display, changed_flags, print_result, stopped_by_signals
 from creative_nao.errors import SettingsError
 from creative_nao.runtime import record as provenance
 
@@ -83,9 +80,8 @@ def run(settings: TrainAgentSettings) -> int:
     plan = _plan(settings)
     checkpoint = settings.out / "checkpoint.safetensors"
     _check_place(settings, checkpoint)
-    stop = threading.Event()
     n_decisions = plan.hyperparameters.n_timesteps
-    with Display({"training": n_decisions}) as display, stopped_by_signals(stop):
+    with Display({"training": n_decisions}) as display, stopped_by_signals() as stop:
 
         def show(record: TrainingRecord, done: int) -> None:
             note = f"validation {np.mean(record.evaluations[-1]):.2f}, best {record.best_mean:.2f}"
@@ -118,25 +114,8 @@ def run(settings: TrainAgentSettings) -> int:
     figures = _figures(header, record, bundle)
     whole = {**provenance(settings=plan.as_json(), command=header.command), **figures}
     storage.write_text(settings.out / "run.json", json.dumps(whole, indent=2) + "\n")
-    _print(figures, settings.json)
+    print_result(figures, _lines(figures), as_json=settings.json)
     return 0
-
-
-@contextmanager
-def stopped_by_signals(stop: threading.Event) -> Iterator[None]:
-    """While inside, SIGINT and SIGTERM set an event; a second SIGINT stops at once."""
-
-    def handle(number: int, _: Any) -> None:
-        if stop.is_set():
-            raise KeyboardInterrupt
-        stop.set()
-
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _plan(settings: TrainAgentSettings) -> TrainingPlan:
@@ -214,11 +193,9 @@ def _command(settings: TrainAgentSettings, plan: TrainingPlan) -> str:
         words.append(f"--conf-file {settings.conf_file.name}")
     if settings.augment is not None:
         words.append(f"--augment {settings.augment}")
-    for field in dataclasses.fields(settings):
-        if field.name in ("memory", "validation_memory", "evaluation_interval", "judged_seeds", "score_seeds"):
-            value = getattr(settings, field.name)
-            if value != field.default:
-                words.append(f"--{field.name.replace('_', '-')} {value}")
+    words += changed_flags(
+        settings, ("memory", "validation_memory", "evaluation_interval", "judged_seeds", "score_seeds")
+    )
     return " ".join([*words, f"--out {settings.out.name}"])
 
 
@@ -238,14 +215,11 @@ def _figures(header: BundleHeader, record: TrainingRecord, bundle: Path) -> dict
     }
 
 
-def _print(figures: dict[str, Any], as_json: bool) -> None:
-    if as_json:
-        print(json.dumps(figures))  # noqa: T201 - the command's output
-        return
+def _lines(figures: dict[str, Any]) -> Iterator[str]:
     reward = figures["validation_reward"]
     how = "likeliest actions" if figures["deterministic"] else "drawn actions"
-    print(f"{figures['bundle']}: {figures['agent']}, {figures['n_decisions']} decisions, {how}")  # noqa: T201
-    print(  # noqa: T201
+    yield f"{figures['bundle']}: {figures['agent']}, {figures['n_decisions']} decisions, {how}"
+    yield (
         f"reward on validation memories in {figures['env']}: {reward['mean']:.2f} "
         f"({reward['low']:.2f} to {reward['high']:.2f}), {figures['n_episodes']} episodes; "
         f"untrained {figures['untrained_reward']:.2f}"

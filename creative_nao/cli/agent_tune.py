@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from pathlib import Path
 
 import tyro
 
-from creative_nao.agents.tuning import TuningPlan, TuningResult, tune
-from creative_nao.cli.progress import Display
+from creative_nao.agents.tuning import TuningPlan, tune
+from creative_nao.cli.terminal import Display, print_result
 from creative_nao.errors import SettingsError
 
 
@@ -67,27 +66,17 @@ def run(settings: TuneAgentSettings) -> int:
             resume=settings.resume,
             progress=lambda done, best: display.show("tuning", done, f"best {best:.2f}"),
         )
-    _print(result, settings)
-    return 0
-
-
-def _print(result: TuningResult, settings: TuneAgentSettings) -> None:
-    if settings.json:
-        print(  # noqa: T201 - the command's output
-            json.dumps(
-                {
-                    "path": str(result.path),
-                    "n_trials": result.n_trials,
-                    "first_reward": result.first_reward,
-                    "best_reward": result.best_reward,
-                    "best": result.best,
-                }
-            )
-        )
-        return
-    print(  # noqa: T201
+    figures = {
+        "path": str(result.path),
+        "n_trials": result.n_trials,
+        "first_reward": result.first_reward,
+        "best_reward": result.best_reward,
+        "best": result.best,
+    }
+    lines = [
         f"{result.path}: best of {result.n_trials} trials, validation reward {result.best_reward:.2f} "
-        f"(starting values {result.first_reward:.2f})"
-    )
-    for name, value in result.best.items():
-        print(f"  {name}: {value}")  # noqa: T201
+        f"(starting values {result.first_reward:.2f})",
+        *(f"  {name}: {value}" for name, value in result.best.items()),
+    ]
+    print_result(figures, lines, as_json=settings.json)
+    return 0

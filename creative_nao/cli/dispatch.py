@@ -133,12 +133,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code: 0, 2 for a user's mistake, 130 after Ctrl-C or SIGTERM."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0] in ("-h", "--help"):
-        print(overview())  # noqa: T201 - the command's output
+        print(overview())
         return 0
     if words[0] == "--version":
         from creative_nao import __version__
 
-        print(f"{PROGRAM} {__version__}")  # noqa: T201 - the command's output
+        print(f"{PROGRAM} {__version__}")
         return 0
     try:
         with _terminated_like_interrupted():
@@ -148,7 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (FileExistsError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
         return _fail(f"{error.filename}: {error.strerror}")
     except KeyboardInterrupt:
-        print(f"{PROGRAM}: stopped", file=sys.stderr)  # noqa: T201
+        print(f"{PROGRAM}: stopped", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader of our output has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -235,5 +235,5 @@ def _one_line(box: str) -> str:
 
 
 def _fail(message: str) -> int:
-    print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)  # noqa: T201 - one line, the command's answer
+    print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
     return USER_ERROR

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import json
 import os
 import sys
 import tempfile
@@ -12,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from creative_nao.cli.terminal import print_result
 from creative_nao.errors import MissingDependencyError
 from creative_nao.robot import headless
 from creative_nao.runtime import usable_cores, versions
@@ -30,7 +30,7 @@ class DoctorSettings:
 def run(settings: DoctorSettings) -> int:
     """Print the findings; exit code 0 whatever is missing, since the software renderer draws everywhere."""
     found = examine()
-    print(json.dumps(found) if settings.json else _table(found))  # noqa: T201 - the command's output
+    print_result(found, _lines(found), as_json=settings.json)
     return 0
 
 
@@ -119,7 +119,7 @@ def _torch_threads() -> int | None:
         return None
 
 
-def _table(found: dict[str, Any]) -> str:
+def _lines(found: dict[str, Any]) -> list[str]:
     memory, cache = found["memory_gib"], found["numba_cache"]
     rows = list(found["versions"].items())
     rows.append(("cores", found["cores"]))
@@ -136,4 +136,4 @@ def _table(found: dict[str, Any]) -> str:
     advice = "" if cache["writable"] else ", cannot be written: every process compiles anew; set NUMBA_CACHE_DIR"
     rows.append(("numba cache", f"{cache['folder']}{advice}"))
     rows.append(("torch threads", found["torch_threads"] if found["torch_threads"] else "torch is missing"))
-    return "\n".join(f"{name:<20} {value}" for name, value in rows)
+    return [f"{name:<20} {value}" for name, value in rows]

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from creative_nao.cli.progress import Display
+from creative_nao.cli.terminal import Display
 from creative_nao.errors import SettingsError
 from creative_nao.evaluation.paper.bank import Report, paper_settings
 from creative_nao.evaluation.paper.blocks import mean_cell, number

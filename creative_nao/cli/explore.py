@@ -73,9 +73,9 @@ def run(settings: ExploreSettings) -> int:
     crowd = None if settings.run is None else choices(settings.run)
     session = Session(settings.session or default_path())
     exhibit = Exhibit(Shelf(memories, settings.resolution, settings.physical), Stage(), session, crowd)
-    print(f"{' beside '.join(settings.memories)} is at http://{settings.host}:{settings.port}/  (Ctrl-C ends)")  # noqa: T201
+    print(f"{' beside '.join(settings.memories)} is at http://{settings.host}:{settings.port}/  (Ctrl-C ends)")
     if settings.host not in ("127.0.0.1", "localhost", "::1"):
-        print("warning: other machines can reach this page, and it asks nobody for a password", file=sys.stderr)  # noqa: T201
+        print("warning: other machines can reach this page, and it asks nobody for a password", file=sys.stderr)
     sys.stdout.flush()
     serve(exhibit, host=settings.host, port=settings.port, show=settings.open)
     return 0
@@ -126,5 +126,5 @@ def _write_page(settings: ExploreSettings, target: Path) -> int:
     memory = load_memory(next(iter(settings.memories)))
     check_physical(settings.physical, [memory])
     written = write_page(memory, target, settings.resolution, physical_map_of(memory, settings.physical))
-    print(f"written: {written}, {written.stat().st_size / 1e6:.1f} MB; it opens by double click, without a network")  # noqa: T201
+    print(f"written: {written}, {written.stat().st_size / 1e6:.1f} MB; it opens by double click, without a network")
     return 0

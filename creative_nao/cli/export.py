@@ -16,7 +16,7 @@ import numpy as np
 import tyro
 
 from creative_nao import exchange, runtime, storage
-from creative_nao.cli.progress import Display
+from creative_nao.cli.terminal import Display, print_result
 from creative_nao.errors import MissingDependencyError, SettingsError
 from creative_nao.exchange import Exported, Motion, Unsafe, made_safe
 from creative_nao.joints import JOINTS
@@ -190,7 +190,7 @@ def run(settings: ExportSettings) -> int:
     else:
         done = exchange.write(settings.out, motion, format, unsafe=settings.unsafe)
     notes = [*notes, *done.notes]
-    print(json.dumps(_figures(done, notes)) if settings.json else _told(done, notes))  # noqa: T201
+    print_result(_figures(done, notes), _lines(done, notes), as_json=settings.json)
     return 0
 
 
@@ -247,7 +247,7 @@ def _figures(done: Exported, notes: list[str]) -> dict[str, object]:
     }
 
 
-def _told(done: Exported, notes: list[str]) -> str:
+def _lines(done: Exported, notes: list[str]) -> list[str]:
     lines = [
         f"{done.path}: {done.format}, {done.motion.metadata.get('source')}, {len(done.motion.angles)} postures, "
         f"{done.motion.duration_s:.2f} s"
@@ -255,4 +255,4 @@ def _told(done: Exported, notes: list[str]) -> str:
     lines += [f"  {sentence}" for sentence in (*done.changes, *notes)]
     if done.record is not None:
         lines.append(f"  source, command and versions: {done.record}")
-    return "\n".join(lines)
+    return lines

@@ -6,7 +6,6 @@ Also here:
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tyro
 
+from creative_nao.cli.terminal import print_result
 from creative_nao.demonstrations import load_trajectory
 from creative_nao.errors import SettingsError
 from creative_nao.maps.colours import INK, action_colour, action_letter
@@ -158,8 +158,8 @@ def run(settings: InferSettings) -> int:
         "pb": found.pb.tolist(),
         "error": found.error,
         "rms_error_rad": found.squared_error**0.5,
-        "recorded": _told(scores, 0, names),
-        "regenerated": _told(scores, 1, names),
+        "recorded": _row(scores, 0, names),
+        "regenerated": _row(scores, 1, names),
         "initial_state": None if found.initial_state is None else found.initial_state.tolist(),
         "dt_s": memory.dt_s,
         "joints": list(memory.joints),
@@ -168,15 +168,13 @@ def run(settings: InferSettings) -> int:
     }
     if settings.out is not None:
         draw_recognition(memory, recorded, found, settings.out, title=_title(figures))
-    if settings.json:
-        print(json.dumps(figures))  # noqa: T201 - the command's output
-        return 0
-    print(_title(figures))  # noqa: T201
+    lines = [_title(figures)]
     for what in ("recorded", "regenerated"):
-        told = figures[what]
-        print(f"  {what:<12} nearest to {told['nearest']}, DTW {told['distance']:.2f}, {told['outcome']}")  # noqa: T201
+        row = figures[what]
+        lines.append(f"  {what:<12} nearest to {row['nearest']}, DTW {row['distance']:.2f}, {row['outcome']}")
     if settings.out is not None:
-        print(f"written: {settings.out}")  # noqa: T201
+        lines.append(f"written: {settings.out}")
+    print_result(figures, lines, as_json=settings.json)
     return 0
 
 
@@ -188,7 +186,7 @@ def _title(figures: dict[str, Any]) -> str:
     )
 
 
-def _told(scores: Any, row: int, names: tuple[str, ...]) -> dict[str, Any]:
+def _row(scores: Any, row: int, names: tuple[str, ...]) -> dict[str, Any]:
     return {
         "nearest": names[int(scores.nearest[row])],
         "distance": float(scores.novelty[row]),

@@ -6,14 +6,14 @@ Also here:
 
 from __future__ import annotations
 
-import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import tyro
 
-from creative_nao.cli.progress import Display
+from creative_nao.cli.terminal import Display, print_result
 from creative_nao.envs.observation import OUTCOMES as ENV_OUTCOMES
 from creative_nao.envs.physical_map import physical_map
 from creative_nao.errors import SettingsError
@@ -45,14 +45,11 @@ def run_physical(
     chart.plot(picture, colour=colour)
     checkpoint.unlink(missing_ok=True)  # last: a run killed before goes on from it and only writes again
     found = {**chart.summary(), "out": [str(out), str(picture)]}
-    if as_json:
-        print(json.dumps(found))  # noqa: T201 - the command's output
-    else:
-        _print(found)
+    print_result(found, _lines_of_physical(found), as_json=as_json)
     return 0
 
 
-def _print(found: dict[str, Any]) -> None:
+def _lines_of_physical(found: dict[str, Any]) -> list[str]:
     n = found["resolution"]
     lines = [f"memory {found['memory']}, {n} x {n} movements performed in {found['wall_s']:.0f} s"]
     lines.append(f"  appropriate in the mind    {found['mentally_appropriate_pct']:6.2f} %")
@@ -61,7 +58,7 @@ def _print(found: dict[str, Any]) -> None:
     lines.append(f"  of the first, the second   {'-' if share is None else f'{share:6.2f} %'}")
     lines += [f"  {outcome.replace('_', '-'):<26} {found[f'{outcome}_pct']:6.2f} %" for outcome in ENV_OUTCOMES]
     lines.append(f"written: {', '.join(found['out'])}")
-    print("\n".join(lines))  # noqa: T201 - the command's output
+    return lines
 
 
 @dataclass(frozen=True)
@@ -125,16 +122,17 @@ def run(settings: MapSettings) -> int:
         "learned_region_pct": regions,
         "out": [str(settings.out), str(picture)],
     }
-    if settings.json:
-        print(json.dumps(found))  # noqa: T201 - the command's output
-        return 0
-    print(f"memory {settings.memory}, {settings.resolution} x {settings.resolution} points")  # noqa: T201
+    print_result(found, _lines(found), as_json=settings.json)
+    return 0
+
+
+def _lines(found: dict[str, Any]) -> Iterator[str]:
+    yield f"memory {found['memory']}, {found['resolution']} x {found['resolution']} points"
     for name in ("appropriate_pct", *(f"{outcome}_pct" for outcome in OUTCOMES)):
-        print(f"  {name.removesuffix('_pct').replace('_', '-'):<14} {found[name]:6.2f} %")  # noqa: T201
+        yield f"  {name.removesuffix('_pct').replace('_', '-'):<14} {found[name]:6.2f} %"
     for name in ("novelty", "diversity"):
         value = found[name]
-        print(f"  {name:<14} {'-' if value is None else f'{value:6.2f}'}")  # noqa: T201
-    for name, share in regions.items():
-        print(f"  region of {name:<16} {share:6.2f} %")  # noqa: T201
-    print(f"written: {settings.out}, {picture}")  # noqa: T201
-    return 0
+        yield f"  {name:<14} {'-' if value is None else f'{value:6.2f}'}"
+    for name, share in found["learned_region_pct"].items():
+        yield f"  region of {name:<16} {share:6.2f} %"
+    yield f"written: {', '.join(found['out'])}"

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from creative_nao import storage
-from creative_nao.cli.progress import Display
+from creative_nao.cli.terminal import Display, print_result
 from creative_nao.errors import SettingsError
 from creative_nao.maps import PAPER_RESOLUTION, pb_map
 from creative_nao.measures import Criteria, table
@@ -37,16 +38,16 @@ def run(settings: MemoriesSettings) -> int:
         raise SettingsError("--out goes with --rescore")
     scores = _rescored(settings) if settings.rescore else shipped_scores()
     rows = [{"name": name, "split": split_of(name), **scores.get(name, {})} for name in shipped_memories()]
-    if settings.json:
-        print(json.dumps(rows))  # noqa: T201 - the command's output
-        return 0
-    heads = ("name", "split", "loss", "worst DTW", "appropriate", "learned", "novelty", "diversity")
-    print("{:<10} {:<10} {:>8} {:>10} {:>12} {:>9} {:>8} {:>9}".format(*heads))  # noqa: T201
-    for row in rows:
-        print(_line(row))  # noqa: T201
-    for condition, fates in _success(rows).items():
-        print(f"{condition}: {fates[True]} of {fates.total()} networks give every basic action back")  # noqa: T201
+    print_result(rows, _lines(rows), as_json=settings.json)
     return 0
+
+
+def _lines(rows: list[dict[str, Any]]) -> Iterator[str]:
+    heads = ("name", "split", "loss", "worst DTW", "appropriate", "learned", "novelty", "diversity")
+    yield "{:<10} {:<10} {:>8} {:>10} {:>12} {:>9} {:>8} {:>9}".format(*heads)
+    yield from map(_line, rows)
+    for condition, counts in _success(rows).items():
+        yield f"{condition}: {counts[True]} of {counts.total()} networks give every basic action back"
 
 
 def score_memory(name: str) -> dict[str, Any]:
@@ -90,10 +91,11 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def _success(rows: list[dict[str, Any]]) -> dict[str, Counter[bool]]:
+    """Count, for each condition, the networks that give every basic action back and those that do not."""
     threshold = Criteria().learned_threshold
-    fates: dict[str, Counter[bool]] = {}
+    counts: dict[str, Counter[bool]] = {}
     for row in rows:
         if "worst_reproduction_dtw" in row:
             condition = row["name"].split("/")[0]
-            fates.setdefault(condition, Counter())[row["worst_reproduction_dtw"] <= threshold] += 1
-    return fates
+            counts.setdefault(condition, Counter())[row["worst_reproduction_dtw"] <= threshold] += 1
+    return counts

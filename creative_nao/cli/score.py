@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 import tyro
 
 from creative_nao import exchange
+from creative_nao.cli.terminal import print_result
 from creative_nao.demonstrations import Demonstrations, load_demonstrations, load_trajectory
 from creative_nao.errors import SettingsError
 from creative_nao.measures import Scores, dtw_similarity, mean_pairwise_distance, score, vendi_score, warping_diversity
@@ -38,19 +38,17 @@ def run(settings: ScoreSettings) -> int:
     scores = score(trajectories, basic)
     rows = _rows(settings.files, scores, basic)
     found = _set(trajectories, scores)
-    if settings.json:
-        print(json.dumps({"files": rows, "set": found}))  # noqa: T201 - the command's output
-        return 0
-    for row in rows:
-        print(  # noqa: T201
-            f"{row['file']}: {row['outcome'].replace('_', '-')}, DTW {row['distance']:.2f} from {row['nearest']}"
-        )
+    lines = [
+        f"{row['file']}: {row['outcome'].replace('_', '-')}, DTW {row['distance']:.2f} from {row['nearest']}"
+        for row in rows
+    ]
     if found is not None:
-        print(  # noqa: T201
+        lines.append(
             f"{found['n_appropriate']} of {len(rows)} appropriate: novelty {found['novelty']:.2f}, "
             f"diversity {found['diversity']:.2f}, Vendi score {found['vendi_score']:.2f}, "
             f"diversity in timing {found['warping_diversity']:.3f}"
         )
+    print_result({"files": rows, "set": found}, lines, as_json=settings.json)
     return 0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json as json_module
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from creative_nao import runtime
+from creative_nao.cli.terminal import changed_flags, print_result
 from creative_nao.demonstrations import Demonstrations, Variation, save_demonstrations
 from creative_nao.errors import SettingsError
 from creative_nao.measures import dtw_matrix
@@ -68,7 +68,7 @@ def run(settings: TeachSettings) -> int:
     )
     record |= {"method": "kinesthetic teaching in simulation", "dt_s": demos.dt_s, "names": demos.names} | figures
     save_demonstrations(settings.out, dataclasses.replace(demos, record=record))
-    sys.stdout.write(json_module.dumps(figures, indent=2) + "\n" if settings.json else _table(figures, settings.out))
+    print_result(figures, _lines(figures, settings.out), as_json=settings.json)
     for sentence in figures["shortcomings"]:
         sys.stderr.write(f"creative-nao: {sentence}\n")
     return 1 if figures["shortcomings"] else 0
@@ -77,11 +77,8 @@ def run(settings: TeachSettings) -> int:
 def _command(settings: TeachSettings) -> str:
     """Return the command that gives the same files again; a folder outside the working directory is not named."""
     words = ["creative-nao", "teach", "--out", "DIR" if settings.out.is_absolute() else settings.out.as_posix()]
-    for field in dataclasses.fields(settings):
-        value = getattr(settings, field.name)
-        if field.name == "seed" or (field.name not in ("out", "json") and value != field.default):
-            words += [f"--{field.name.replace('_', '-')}", str(value)]
-    return " ".join(words)
+    names = ("timing", "reach", "drift_rad", "tremor_rad")
+    return " ".join([*words, f"--seed {settings.seed}", *changed_flags(settings, names)])
 
 
 def _figures(lessons: list[Lesson], demos: Demonstrations) -> dict[str, Any]:
@@ -120,7 +117,7 @@ def _too_close(demos: Demonstrations) -> list[str]:
     ]
 
 
-def _table(figures: dict[str, Any], out: Path) -> str:
+def _lines(figures: dict[str, Any], out: Path) -> list[str]:
     lines = [f"{'':16}{'speed':>8}{'from the hand':>18}{'from the key postures':>24}{'pull':>14}"]
     lines += [f"{'':16}{'rad/s':>8}{'mean, max rad':>18}{'mean, max rad':>24}{'mean, max N':>14}"]
     for name, one in figures["actions"].items():
@@ -135,4 +132,4 @@ def _table(figures: dict[str, Any], out: Path) -> str:
         f"at least {figures['smallest_distance']:.1f}, {figures['mean_distance']:.1f} on average."
     )
     lines.append(f"Six actions of 50 postures written to {out}.")
-    return "\n".join(lines) + "\n"
+    return lines

@@ -5,14 +5,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import signal
-import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
 from creative_nao import storage
-from creative_nao.cli.progress import Display
+from creative_nao.cli.terminal import Display, changed_flags, print_result, stopped_by_signals
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.errors import SettingsError, TrainingError
 from creative_nao.measures import Criteria
@@ -72,14 +70,13 @@ def run(settings: TrainSettings) -> int:
     paths = {one: settings.out / f"{file_stem(one)}.safetensors" if many else settings.out for one in wanted}
     _check_places(settings, list(paths.values()), many)
     demonstrations = load_demonstrations(settings.demonstrations)
-    stop = threading.Event()
     with Display({_label(one): one.n_epochs for one in wanted}) as display:
 
         def show(training: TrainingSettings, state: TrainingState) -> None:
             note = f"loss {state.loss_history[-1]:.3g}, best {state.best_loss:.3g}"
             display.show(_label(training), state.epoch, note)
 
-        with _stopped_by_signals(stop):
+        with stopped_by_signals() as stop:
             trained = train_many(
                 demonstrations,
                 wanted,
@@ -98,12 +95,9 @@ def run(settings: TrainSettings) -> int:
     if many:
         whole = {**record(settings=dataclasses.asdict(wanted[0]), command=_command(settings)), "networks": figures}
         storage.write_text(settings.out / "training.json", json.dumps(whole, indent=2) + "\n")
-    if settings.json:
-        print(json.dumps(figures if many else {"out": os.fspath(settings.out), **figures[0]}))  # noqa: T201 - output
-    elif many:
-        _print_many(figures, settings)
-    else:
-        _print_one(figures[0], settings)
+    found = figures if many else {"out": os.fspath(settings.out), **figures[0]}
+    lines = _lines_of_many(figures, settings) if many else _lines_of_one(figures[0], settings)
+    print_result(found, lines, as_json=settings.json)
     return 0
 
 
@@ -155,22 +149,6 @@ def _check_places(settings: TrainSettings, paths: Sequence[Path], many: bool) ->
             )
 
 
-class _stopped_by_signals:  # noqa: N801 - used like a function
-    """While inside, SIGINT and SIGTERM set an event, so that training ends between two epochs with a checkpoint."""
-
-    def __init__(self, stop: threading.Event) -> None:
-        self._stop = stop
-
-    def __enter__(self) -> None:
-        self._before = {
-            number: signal.signal(number, lambda *_: self._stop.set()) for number in (signal.SIGINT, signal.SIGTERM)
-        }
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-
 def _command(settings: TrainSettings) -> str:
     """Return the command that makes these memories again, without the places of this machine."""
     words = ["creative-nao train"]
@@ -180,20 +158,9 @@ def _command(settings: TrainSettings) -> str:
     if settings.schedule != "constant":
         words.append(f"--schedule {settings.schedule}")
     words += [f"--n-epochs {settings.n_epochs}", "--seed " + " ".join(map(str, settings.seed))]
-    words += _changed(settings, ("anneal_epochs", "learning_rate", "engine"))
-    words += _changed(settings.network, [field.name for field in dataclasses.fields(NetworkSettings)], "network.")
+    words += changed_flags(settings, ("anneal_epochs", "learning_rate", "engine"))
+    words += changed_flags(settings.network, group="network.")
     return " ".join([*words, f"--out {settings.out.name}"])
-
-
-def _changed(settings: TrainSettings | NetworkSettings, names: Sequence[str], group: str = "") -> list[str]:
-    """Return the flags of these settings that are not as they are without a flag."""
-    words = []
-    for field in dataclasses.fields(settings):
-        value = getattr(settings, field.name)
-        if field.name in names and value != field.default:
-            told = " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
-            words.append(f"--{group}{field.name.replace('_', '-')} {told}")
-    return words
 
 
 def _figures(trained: Trained, demonstrations: Demonstrations) -> dict[str, object]:
@@ -214,27 +181,27 @@ def _figures(trained: Trained, demonstrations: Demonstrations) -> dict[str, obje
     return found
 
 
-def _print_one(figures: dict, settings: TrainSettings) -> None:
-    print(f"{settings.out}: loss {figures['best_loss']:.3f} at epoch {figures['best_epoch']}")  # noqa: T201
+def _lines_of_one(figures: dict, settings: TrainSettings) -> Iterator[str]:
+    yield f"{settings.out}: loss {figures['best_loss']:.3f} at epoch {figures['best_epoch']}"
     for name, distance in figures["reproduction_dtw"].items():
-        place = ", ".join(f"{value:+.3f}" for value in figures["pb"][name])
-        print(f"  {name:<16} PB ({place})   comes back within DTW {distance:.2f}")  # noqa: T201
+        pb = ", ".join(f"{value:+.3f}" for value in figures["pb"][name])
+        yield f"  {name:<16} PB ({pb})   comes back within DTW {distance:.2f}"
     threshold = Criteria().learned_threshold
     n_back = sum(distance <= threshold for distance in figures["reproduction_dtw"].values())
     n_all = len(figures["reproduction_dtw"])
-    print(f"{n_back} of {n_all} basic actions come back within DTW {threshold:g} in closed loop")  # noqa: T201
+    yield f"{n_back} of {n_all} basic actions come back within DTW {threshold:g} in closed loop"
 
 
-def _print_many(figures: list[dict], settings: TrainSettings) -> None:
-    print(f"{'network':<16} {'loss':>8} {'worst DTW':>10}  all come back")  # noqa: T201
+def _lines_of_many(figures: list[dict], settings: TrainSettings) -> Iterator[str]:
+    yield f"{'network':<16} {'loss':>8} {'worst DTW':>10}  all come back"
     for row in figures:
         if row["failure"] is not None:
-            print(f"{row['name']:<16} failed: {row['failure']}")  # noqa: T201
+            yield f"{row['name']:<16} failed: {row['failure']}"
             continue
         worst = max(row["reproduction_dtw"].values())
         back = "yes" if row["succeeded"] else "no"
-        print(f"{row['name']:<16} {row['best_loss']:>8.3f} {worst:>10.2f}  {back}")  # noqa: T201
+        yield f"{row['name']:<16} {row['best_loss']:>8.3f} {worst:>10.2f}  {back}"
     for ratio in settings.closed_loop_ratio:
-        fates = [row["succeeded"] for row in figures if row["closed_loop_ratio"] == ratio]
-        print(f"ratio {ratio:g}: {sum(fates)} of {len(fates)} networks give every basic action back")  # noqa: T201
-    print(f"written: {settings.out}/")  # noqa: T201
+        succeeded = [row["succeeded"] for row in figures if row["closed_loop_ratio"] == ratio]
+        yield f"ratio {ratio:g}: {sum(succeeded)} of {len(succeeded)} networks give every basic action back"
+    yield f"written: {settings.out}/"
