@@ -1,4 +1,4 @@
-"""Files: atomic writes, and bounded reads of bytes, text and JSON that anybody may have made.
+"""Files: atomic writes, and bounded reads of bytes, text, JSON and YAML that anybody may have made.
 
 New content goes into a temporary file beside the old one, which it then replaces: a reader sees the old content or the
 new one. The writer holds a lock on the temporary file for as long as it lives, so that the next writer in that folder
@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import functools
 import json
 import math
 import os
 import platform
+import re
 import secrets
 import zlib
 from collections.abc import Iterator
@@ -143,6 +145,9 @@ MAX_DEPTH = 64
 """Lists and objects within each other that JSON may have."""
 MAX_DIGITS = 40
 """Of a whole number in JSON; the state of a random generator has 39."""
+MAX_YAML_BYTES = 2_000_000
+MAX_YAML_VALUES = 400_000
+"""Of a YAML file, with its aliases written out."""
 
 
 def read_bytes(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> bytes:
@@ -246,3 +251,64 @@ def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         again = next(name for name, _ in pairs if name in seen or seen.add(name))
         raise ValueError(f"it says `{again[:60]}` twice")
     return found
+
+
+def as_yaml(text: str, where: str, most: int = MAX_YAML_VALUES) -> Any:
+    """Return what YAML text holds, read by PyYAML's safe loader; numbers such as 1e-5 are numbers, unlike in YAML 1.1.
+
+    Args:
+        text: At most `MAX_YAML_BYTES` characters of YAML.
+        where: Beginning of the message; names the file.
+        most: Values that it may hold.
+
+    Raises:
+        FileFormatError: If it is torn or too large, has a tag that names code, is nested more than `MAX_DEPTH` deep,
+            says a key twice, or unfolds to more than `most` values.
+    """
+    import yaml
+
+    if len(text) > MAX_YAML_BYTES:
+        raise FileFormatError(f"{where}: has {len(text)} characters, expected at most {MAX_YAML_BYTES} of YAML")
+    try:
+        depth = n_values = 0
+        for event in yaml.parse(text, Loader=_yaml_loader()):
+            n_values += isinstance(event, yaml.ScalarEvent | yaml.AliasEvent)
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if depth > MAX_DEPTH or n_values > most:
+                fault = "it is nested too deeply" if depth > MAX_DEPTH else f"it holds more than {most} values"
+                raise FileFormatError(f"{where}: not YAML ({fault})")
+        loader = _yaml_loader()(text)
+        node = loader.get_single_node()
+        if node is not None and _unfolded(node, {}, where) > most:
+            raise FileFormatError(f"{where}: its anchors and aliases unfold to more than {most} values")
+        return None if node is None else loader.construct_document(node)
+    except FileFormatError:
+        raise
+    except (yaml.YAMLError, RecursionError, ValueError, TypeError, AttributeError, LookupError) as error:
+        raise FileFormatError(f"{where}: not YAML ({' '.join(str(error).split())})") from error
+
+
+@functools.cache
+def _yaml_loader() -> Any:
+    import yaml
+
+    loader = type("Loader", (getattr(yaml, "CSafeLoader", yaml.SafeLoader),), {})
+    number = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+", re.ASCII)
+    loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
+    return loader
+
+
+def _unfolded(node: Any, sizes: dict[int, float], where: str) -> float:
+    """Return how many values a YAML node holds with its aliases written out; refuse a key that stands there twice."""
+    if id(node) not in sizes:
+        sizes[id(node)] = math.inf  # until it is known: one that holds itself is endless
+        pairs = node.value if node.id == "mapping" else []
+        keys: set[str] = set()
+        for key in (key for key, _ in pairs if key.id == "scalar" and key.value != "<<"):
+            if key.value in keys:
+                line = key.start_mark.line + 1
+                raise FileFormatError(f"{where}: line {line}: `{key.value[:60]}` is there already")
+            keys.add(key.value)
+        parts = [part for pair in pairs for part in pair] if pairs else node.value if node.id == "sequence" else []
+        sizes[id(node)] = 1.0 + sum(_unfolded(part, sizes, where) for part in parts)
+    return sizes[id(node)]

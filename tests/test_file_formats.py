@@ -7,7 +7,7 @@ import pytest
 
 from creative_nao.arrays import load_tensors, save_tensors, take
 from creative_nao.errors import FileFormatError, NotFoundError
-from creative_nao.storage import replacing, write_text
+from creative_nao.storage import as_yaml, replacing, write_text
 
 
 def test_a_file_is_replaced_in_one_step(tmp_path):
@@ -78,3 +78,33 @@ def test_equal_content_gives_equal_bytes(tmp_path):
     files = [save_tensors(tmp_path / name, kind="test", header={"x": 1}, tensors=tensors) for name in ("a", "b", "c")]
 
     assert len({file.read_bytes() for file in files}) == 1
+
+
+def test_yaml_is_read_as_safe_loader_does_but_for_exponents():
+    text = "a: {b: [1, 2.5, true, null, text], c: 1e-05}\nd: &x [1]\ne: *x\nf:\n- {<<: {g: 1}, g: 2}\n"
+    assert as_yaml(text, "f") == {
+        "a": {"b": [1, 2.5, True, None, "text"], "c": 1e-05}, "d": [1], "e": [1], "f": [{"g": 2}],
+    }  # fmt: skip
+    assert as_yaml("", "f") is None
+    assert as_yaml("1_0", "f") == 10
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: [1", r"f: not YAML \(.*flow sequence"),
+        ("a: !!python/object/apply:os.system ['touch ran']", "f: not YAML .*could not determine a constructor"),
+        ("a: 1\nb: {c: 1, c: 2}", "f: line 2: `c` is there already"),
+        ("a: " + "[" * 70 + "]" * 70, "f: not YAML .*nested too deeply"),
+        ("a: " + "[" * 100_000, "f: not YAML .*nest"),
+        ("&a [*a]", "f: its anchors and aliases unfold to more than 400000 values"),
+        ("".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9) if k else 1}]\n" for k in range(9)), "unfold to more"),
+        ("a: [" + "[1]," * 450_000 + "]", "f: not YAML .*more than 400000 values"),
+        ("a: " + "x" * 2_000_000, "f: has 2000003 characters, expected at most 2000000 of YAML"),
+        ("--- 1\n--- 2\n", "f: not YAML"),
+        ("a: 2001-99-99", "f: not YAML"),
+    ],
+)
+def test_yaml_that_would_cost_or_mislead_is_refused(text, message):
+    with pytest.raises(FileFormatError, match=message):
+        as_yaml(text, "f")

@@ -73,7 +73,6 @@ READERS = {
 """Modules that call a reader of `storage`, `arrays` or `schema`, and the kinds that try them."""
 
 OWN_FILES = {
-    "creative_nao/storage.py": "the file it has just written",
     "creative_nao/cli/dispatch.py": "the null device",
     "creative_nao/cli/doctor.py": "/proc/meminfo",
     "creative_nao/evaluation/gallery.py": "pictures it has just drawn",
