@@ -1,36 +1,137 @@
 """The ring as a dm_control task: joint targets in, senses out, for controllers that box tick by tick.
 
-The environments of this project perform whole trajectories instead (`robot.Performer`); they run the same compiled
-model.
+The only file that needs dm_control. Entity, arena and task are built by composer from the same MJCF files as
+`robot.Scene`, and compile to the same physics. The environments of this project perform whole trajectories instead
+(`robot.Performer`) and need MuJoCo alone.
 """
 
-# MuJoCo and PyMJCF tell type checkers nothing about their members.
+# The bindings of MuJoCo and the elements of PyMJCF have no static types; dm_control may be missing.
 # pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false, reportMissingImports=false
 # pyright: reportIncompatibleMethodOverride=false
 from __future__ import annotations
 
 from typing import Any
 
-from creative_nao.robot import headless  # first: it chooses how MuJoCo draws before MuJoCo is imported
+from creative_nao.robot import rendering  # first: it chooses how MuJoCo draws before MuJoCo is imported
 
 # isort: split
 import mujoco
 import numpy as np
-from dm_env import specs
 
-from creative_nao.errors import SettingsError
+from creative_nao.errors import MissingDependencyError, SettingsError
 from creative_nao.joints import JOINTS, N_JOINTS, limits
-from creative_nao.robot.arena import PHYSICS_STEP_S
-from creative_nao.robot.modelling import composer
 from creative_nao.robot.performance import has_fallen, tilt_rad
-from creative_nao.robot.scene import BAG_FORCE, Scene
+from creative_nao.robot.scene import BAG_FORCE, BAG_XML, NAO_XML, RING_XML, Scene
+
+try:
+    from dm_control import composer, mjcf
+    from dm_control.composer import define
+    from dm_control.composer.observation import observable
+    from dm_env import specs
+except ModuleNotFoundError as error:
+    if error.name not in ("dm_control", "dm_env"):
+        raise
+    raise MissingDependencyError(
+        "`creative_nao.envs.load` needs dm-control, which pip cannot install on Python 3.13 (labmaze, which it asks "
+        "for, has no wheel there); `gymnasium.make` and everything else work without it"
+    ) from None
 
 CONTROL_STEP_S = 0.05
 TIME_LIMIT_S = 7.5
 
 _SETTLE_S = 2.0
 
-__all__ = ["CONTROL_STEP_S", "TIME_LIMIT_S", "BoxingTask", "headless", "load"]
+__all__ = ["CONTROL_STEP_S", "TIME_LIMIT_S", "Bag", "BoxingTask", "Nao", "Ring", "load", "rendering"]
+
+
+class Ring(composer.Arena):
+    """The empty ring of `ring.xml`, with its physics options."""
+
+    def _build(self, name: str = "ring") -> None:
+        super()._build(name, str(RING_XML))
+
+
+class Nao(composer.Entity):
+    """The robot of `nao.xml`; give it a free joint when attaching it. The torso frame is the root."""
+
+    def _build(self) -> None:
+        self._mjcf_root = mjcf.from_path(str(NAO_XML))
+
+    def _build_observables(self) -> NaoObservables:
+        return NaoObservables(self)
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        """The robot alone: no floor, no light, no option."""
+        return self._mjcf_root
+
+    @property
+    def actuators(self) -> list[Any]:
+        """The 25 position servos."""
+        return self._mjcf_root.find_all("actuator")
+
+    @property
+    def arm_joints(self) -> list[Any]:
+        """The eight arm hinges, in the order of `joints.JOINTS`."""
+        return [self._mjcf_root.find("joint", joint) for joint in JOINTS]
+
+    @property
+    def touch_sensors(self) -> list[Any]:
+        """Touch of both fists and both feet [N]: left fist, left foot, right fist, right foot."""
+        return [sensor for sensor in self._mjcf_root.find_all("sensor") if sensor.tag == "touch"]
+
+
+class NaoObservables(composer.Observables):
+    """What the robot senses of itself; all are off until enabled."""
+
+    @define.observable
+    def joint_positions(self) -> observable.MJCFFeature:
+        """Angles of the eight arm joints [rad], shape (8,)."""
+        return observable.MJCFFeature("qpos", self._entity.arm_joints)
+
+    @define.observable
+    def joint_velocities(self) -> observable.MJCFFeature:
+        """Speeds of the eight arm joints [rad/s], shape (8,)."""
+        return observable.MJCFFeature("qvel", self._entity.arm_joints)
+
+    @define.observable
+    def touch(self) -> observable.MJCFFeature:
+        """Normal force on left fist, left foot, right fist, right foot [N], shape (4,)."""
+        return observable.MJCFFeature("sensordata", self._entity.touch_sensors)
+
+
+class Bag(composer.Entity):
+    """The punching bag of `bag.xml`; its root is the hook."""
+
+    def _build(self) -> None:
+        self._mjcf_root = mjcf.from_path(str(BAG_XML))
+
+    def _build_observables(self) -> BagObservables:
+        return BagObservables(self)
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        """The bag alone."""
+        return self._mjcf_root
+
+    @property
+    def swing_joints(self) -> list[Any]:
+        """The two hinges at the hook: about x (sideways) and about y (away from the robot)."""
+        return self._mjcf_root.find_all("joint")
+
+
+class BagObservables(composer.Observables):
+    """How the bag swings; off until enabled."""
+
+    @define.observable
+    def swing(self) -> observable.MJCFFeature:
+        """Angles of both hinges [rad], shape (2,)."""
+        return observable.MJCFFeature("qpos", self._entity.swing_joints)
+
+    @define.observable
+    def swing_velocity(self) -> observable.MJCFFeature:
+        """Angular speeds of both hinges [rad/s], shape (2,)."""
+        return observable.MJCFFeature("qvel", self._entity.swing_joints)
 
 
 class BoxingTask(composer.Task):
@@ -54,32 +155,44 @@ class BoxingTask(composer.Task):
         control_step_s: Time between actions [s], a whole number of 5 ms physics steps.
         start_noise_rad: Randomness of the first posture [rad].
 
+    Attributes:
+        robot, bag: The composer entities.
+        scene: The `robot.Scene` of the model that the environment compiled.
+
     Raises:
         SettingsError: If `control_step_s` is not a whole number of physics steps or `start_noise_rad` is negative.
     """
 
     def __init__(self, *, control_step_s: float = CONTROL_STEP_S, start_noise_rad: float = 0.0) -> None:
-        steps = round(control_step_s / PHYSICS_STEP_S)
-        if steps < 1 or abs(control_step_s - steps * PHYSICS_STEP_S) > 1e-9:
+        self._arena = Ring()
+        self._step_s = float(self._arena.mjcf_model.option.timestep)
+        steps = round(control_step_s / self._step_s)
+        if steps < 1 or abs(control_step_s - steps * self._step_s) > 1e-9:
             raise SettingsError(
-                f"`control_step_s` should be a whole number of physics steps of {PHYSICS_STEP_S} s, "
+                f"`control_step_s` should be a whole number of physics steps of {self._step_s} s, "
                 f"but is {control_step_s}."
             )
         if start_noise_rad < 0:
             raise SettingsError(f"`start_noise_rad` should be at least 0, but is {start_noise_rad}.")
+        self.robot, self.bag = Nao(), Bag()
+        self._arena.add_free_entity(self.robot)
+        self._arena.attach(self.bag, self._arena.mjcf_model.find("site", "hook"))
+        self._arena.mjcf_model.sensor.add(
+            "contact", name=BAG_FORCE, geom1=self.bag.mjcf_model.find("geom", "leather"),
+            subtree2=self.robot.mjcf_model.find("body", "Torso"), data="force", reduce="netforce",
+        )  # fmt: skip
         self.scene = Scene()
         self._noise_rad = start_noise_rad
         self._impulse_ns = 0.0
         self._settled: np.ndarray | None = None
-        self.set_timesteps(control_timestep=steps * PHYSICS_STEP_S, physics_timestep=PHYSICS_STEP_S)
-        self.scene.robot.observables.enable_all()
-        assert self.scene.bag is not None
-        self.scene.bag.observables.enable_all()
+        self.set_timesteps(control_timestep=steps * self._step_s, physics_timestep=self._step_s)
+        self.robot.observables.enable_all()
+        self.bag.observables.enable_all()
 
     @property
     def root_entity(self) -> composer.Entity:
         """The ring, with robot and bag in it."""
-        return self.scene.arena
+        return self._arena
 
     def action_spec(self, physics: Any) -> specs.BoundedArray:
         """Targets of the eight arm joints [rad]."""
@@ -88,7 +201,7 @@ class BoxingTask(composer.Task):
 
     def after_compile(self, physics: Any, random_state: np.random.RandomState) -> None:
         """Let the scene use the model that the environment compiled."""
-        self.scene.adopt(physics)
+        self.scene = Scene.from_model(physics.model.ptr)
         self._settled = None
 
     def initialize_episode(self, physics: Any, random_state: np.random.RandomState) -> None:
@@ -109,7 +222,7 @@ class BoxingTask(composer.Task):
         """Return the state of standing in the guard at rest, computed once."""
         data = mujoco.MjData(model)
         self.scene.place(data, "Guard")
-        mujoco.mj_step(model, data, nstep=round(_SETTLE_S / PHYSICS_STEP_S))
+        mujoco.mj_step(model, data, nstep=round(_SETTLE_S / self._step_s))
         data.time = 0.0
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(model, kind))
@@ -124,7 +237,7 @@ class BoxingTask(composer.Task):
     def after_substep(self, physics: Any, random_state: np.random.RandomState) -> None:
         """Add up what the bag feels."""
         force = physics.named.data.sensordata[BAG_FORCE]
-        self._impulse_ns += float(np.linalg.norm(force)) * PHYSICS_STEP_S
+        self._impulse_ns += float(np.linalg.norm(force)) * self._step_s
 
     def get_reward(self, physics: Any) -> float:
         """Impulse between robot and bag during the step [N s]."""

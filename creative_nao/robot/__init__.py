@@ -1,10 +1,10 @@
-"""The NAO in MuJoCo, its ring and its bag, how it performs a trajectory and how it is filmed; ignorant of any network.
+"""The NAO in MuJoCo, its ring and its bag, how it performs a trajectory and how it is filmed; it knows no network.
 
-- Robot: `Nao`, `ServoSettings`, `Stiffness`, `POSTURES`, `posture`, `arm_angles`
-- Surroundings: `Ring`, `Bag`, `Scene`, `bare_scene`, `Index`, `place`
+- Model files (MJCF): `NAO_XML`, `BAG_XML`, `RING_XML`, `SCENE_XML`
+- Robot: `Scene`, `bare_scene`, `Index`, `place`, `ServoSettings`, `Stiffness`, `POSTURES`, `posture`, `arm_angles`
 - Performing: `Performer`, `PlaybackSettings`, `Performance`, `Hits`
-- Differing: `Variation`, `Varied`
-- Judging: `PhysicalLimits`, `failures`, `first_failure`, `PHYSICAL_FAILURES`
+- Randomising: `Variation`, `Varied`
+- Physical failures: `PhysicalLimits`, `failures`, `first_failure`, `PHYSICAL_FAILURES`
 - Drawing: `Renderer`, `can_draw`, `pictures`, `moments`, `film_strip`, `write_gif`, `imagined_frames`
 
 Names load at first use: importing this package alone loads neither MuJoCo nor GL.
@@ -15,36 +15,39 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from creative_nao.robot import headless
+from creative_nao.robot import rendering
 
 if TYPE_CHECKING:
-    from creative_nao.robot.arena import Ring
-    from creative_nao.robot.bag import Bag
-    from creative_nao.robot.bare import bare_scene
-    from creative_nao.robot.feasibility import PHYSICAL_FAILURES, PhysicalLimits, failures, first_failure
     from creative_nao.robot.film import film_strip, imagined_frames, moments, pictures, write_gif
-    from creative_nao.robot.nao import Nao
-    from creative_nao.robot.performance import Hits, Performance
+    from creative_nao.robot.performance import (
+        PHYSICAL_FAILURES,
+        Hits,
+        Performance,
+        PhysicalLimits,
+        failures,
+        first_failure,
+    )
     from creative_nao.robot.playback import Performer, PlaybackSettings
     from creative_nao.robot.postures import POSTURES, arm_angles, posture
     from creative_nao.robot.rendering import Renderer, can_draw
-    from creative_nao.robot.scene import Index, Scene, place
+    from creative_nao.robot.scene import BAG_XML, NAO_XML, RING_XML, SCENE_XML, Index, Scene, bare_scene, place
     from creative_nao.robot.servos import ServoSettings, Stiffness
     from creative_nao.robot.variation import Variation, Varied
 
 __all__ = [
+    "BAG_XML",
+    "NAO_XML",
     "PHYSICAL_FAILURES",
     "POSTURES",
-    "Bag",
+    "RING_XML",
+    "SCENE_XML",
     "Hits",
     "Index",
-    "Nao",
     "Performance",
     "Performer",
     "PhysicalLimits",
     "PlaybackSettings",
     "Renderer",
-    "Ring",
     "Scene",
     "ServoSettings",
     "Stiffness",
@@ -65,29 +68,30 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Bag": "bag",
+    "BAG_XML": "scene",
+    "NAO_XML": "scene",
+    "PHYSICAL_FAILURES": "performance",
+    "POSTURES": "postures",
+    "RING_XML": "scene",
+    "SCENE_XML": "scene",
     "Hits": "performance",
     "Index": "scene",
-    "Nao": "nao",
-    "PHYSICAL_FAILURES": "feasibility",
-    "POSTURES": "postures",
     "Performance": "performance",
     "Performer": "playback",
-    "PhysicalLimits": "feasibility",
+    "PhysicalLimits": "performance",
     "PlaybackSettings": "playback",
     "Renderer": "rendering",
-    "Ring": "arena",
     "Scene": "scene",
     "ServoSettings": "servos",
     "Stiffness": "servos",
     "Variation": "variation",
     "Varied": "variation",
     "arm_angles": "postures",
-    "bare_scene": "bare",
+    "bare_scene": "scene",
     "can_draw": "rendering",
-    "failures": "feasibility",
+    "failures": "performance",
     "film_strip": "film",
-    "first_failure": "feasibility",
+    "first_failure": "performance",
     "imagined_frames": "film",
     "moments": "film",
     "pictures": "film",
@@ -96,7 +100,7 @@ _HOMES = {
     "write_gif": "film",
 }
 
-headless.prepare()  # before anything below imports MuJoCo
+rendering.choose_backend()  # before anything below imports MuJoCo
 
 
 def __getattr__(name: str) -> Any:

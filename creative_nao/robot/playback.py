@@ -5,8 +5,8 @@ straight line within the cycle; legs and head hold the guard.
 Stepping happens inside `mujoco.rollout`: bit for bit the states of a loop over `mj_step`, without its cost in Python.
 """
 
-# MuJoCo and PyMJCF tell type checkers nothing about their members.
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false, reportMissingImports=false
+# The bindings of MuJoCo have no static types.
+# pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
 import dataclasses
@@ -21,19 +21,11 @@ from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.joints import JOINTS, MAX_SPEED_RAD_S, N_JOINTS, limits, read_encoder
 from creative_nao.robot import interpolation
 from creative_nao.robot.performance import Hits, Performance, has_fallen, tilt_rad
-from creative_nao.robot.scene import BAG_FORCE, Scene
-from creative_nao.robot.servos import EFFORT_NM
+from creative_nao.robot.scene import PERFORMANCE_SENSORS, Scene
 from creative_nao.robot.variation import Variation, Varied
 
 CYCLE_S = 0.010
 """A new target for the servos every cycle."""
-SENSORS_READ: dict[str, tuple[str, ...]] = {
-    "torque": tuple(f"nao/{joint}_torque" for joint in JOINTS),
-    "self": ("nao/self_contact",),
-    "bag": (BAG_FORCE,),
-    "fists": ("nao/RFist_velocity", "nao/LFist_velocity"),
-}
-"""All that a performance reads besides the state, by what it is read for."""
 _WHOLE = 1e-6
 
 
@@ -225,7 +217,7 @@ class Performer:
         error = np.abs(each_cycle[1:] - targets) if len(targets) else np.abs(each_cycle - trajectory)
         torso = qpos[:, index.torso_qpos : index.torso_qpos + 7]
         tilt = tilt_rad(torso[:, 3:])
-        saturated = np.abs(felt["torque"]) >= 0.999 * np.array([EFFORT_NM[joint] for joint in JOINTS])
+        saturated = np.abs(felt["torque"]) >= 0.999 * index.arm_effort_nm
         frame_every = max(1, round(self.settings.frame_dt_s / self._step_s))
         return Performance(
             measured=self._read(each_cycle[::cycles_per_tick]),
@@ -258,7 +250,7 @@ def _sensor_columns(model: Any) -> dict[str, np.ndarray]:
         starts = [(int(model.sensor_adr[row]), int(model.sensor_dim[row])) for row in found if row >= 0]
         return np.concatenate([np.arange(0)] + [np.arange(start, start + size) for start, size in starts])
 
-    return {purpose: columns(*names) for purpose, names in SENSORS_READ.items()}
+    return {purpose: columns(*names) for purpose, names in PERFORMANCE_SENSORS.items()}
 
 
 def _checked(trajectory: np.ndarray) -> np.ndarray:

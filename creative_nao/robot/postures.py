@@ -13,7 +13,10 @@ import numpy as np
 
 from creative_nao.errors import NotFoundError, nearest_name
 from creative_nao.joints import GUARD_ARM_RAD, JOINTS, MIRROR_SIGN
-from creative_nao.robot.tables import THIGH_M, TIBIA_M, keeps_sign
+
+THIGH_M = 0.1000
+TIBIA_M = 0.1029
+"""Hip to knee and knee to ankle, as in `nao.xml`."""
 
 STANCE_HEIGHT_M = 0.192
 """Hip above ankle in the boxing stance: knees bent, so that the legs can give."""
@@ -21,6 +24,11 @@ STANCE_STAGGER_M = 0.025
 """The left foot stands this far ahead of the hip, the right one as far behind."""
 STANCE_SPREAD_RAD = 0.12
 """Legs apart by this hip roll on each side."""
+
+
+def keeps_sign(joint: str) -> bool:
+    """Tell whether a joint has the same sign on both sides: pitch, HipYawPitch and Hand do, roll and yaw change it."""
+    return joint.endswith(("Pitch", "Hand"))
 
 
 def both_sides(**left: float) -> dict[str, float]:

@@ -1,33 +1,43 @@
-"""Robot, ring and bag put together, and where their parts stand in the compiled model.
+"""Robot, ring and bag as one MuJoCo model, and where their parts stand in its arrays.
 
-Building takes about a tenth of a second; everything that simulates can share one scene.
+The model is `scene.xml`, which puts `nao.xml` and `bag.xml` into `ring.xml`; `nao_sources.csv` names the source of each
+figure of the robot. Compiling takes a hundredth of a second; everything that simulates can share one scene.
 """
 
-# MuJoCo and PyMJCF tell type checkers nothing about their members.
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false, reportMissingImports=false
+# The bindings of MuJoCo have no static types.
+# pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
 import dataclasses
 import functools
+from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from creative_nao.joints import JOINTS
-from creative_nao.robot.arena import PHYSICS_STEP_S, Ring
-from creative_nao.robot.bag import Bag
-from creative_nao.robot.modelling import mjcf
-from creative_nao.robot.nao import MOTOR_JOINTS, Nao
-from creative_nao.robot.postures import POSTURES, posture
+from creative_nao.robot.postures import posture
 from creative_nao.robot.servos import ServoSettings, Stiffness
-from creative_nao.robot.tables import links
 
-ALL_JOINTS: tuple[str, ...] = tuple(link.joint for link in links())
-"""The 26 hinges."""
+NAO_XML = Path(__file__).with_name("nao.xml")
+"""The robot alone, as an MJCF file: no floor, no light, no option; give it a free joint when attaching it."""
+BAG_XML = Path(__file__).with_name("bag.xml")
+"""The punching bag alone; its root is the hook."""
+RING_XML = Path(__file__).with_name("ring.xml")
+"""The empty ring: floor, ropes, lights, cameras, physics options."""
+SCENE_XML = Path(__file__).with_name("scene.xml")
+"""All three together, as `Scene` loads them."""
 
 BAG_FORCE = "bag_force"
 """Sensor of the net force between robot and bag [N], in the world frame; absent without a bag."""
+PERFORMANCE_SENSORS: dict[str, tuple[str, ...]] = {
+    "torque": tuple(f"nao/{joint}_torque" for joint in JOINTS),
+    "self": ("nao/self_contact",),
+    "bag": (BAG_FORCE,),
+    "fists": ("nao/RFist_velocity", "nao/LFist_velocity"),
+}
+"""All sensors that a performance reads, by what they are read for."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,18 +45,24 @@ class Index:
     """Where the robot stands in the arrays of a compiled model (rows in the order of `joints.JOINTS` for the arms)."""
 
     qpos: dict[str, int]
-    """Each hinge's row in `data.qpos`."""
+    """Row of each of the 26 hinges in `data.qpos`."""
     dof: dict[str, int]
-    """Each hinge's row in `data.qvel`."""
+    """Row of each hinge in `data.qvel`."""
     actuator: dict[str, int]
-    """Each motor's row in `data.ctrl`."""
+    """Row of each of the 25 motors in `data.ctrl`; one motor, named after the left, turns both HipYawPitch hinges."""
     arm_qpos: np.ndarray
     arm_dof: np.ndarray
     arm_actuator: np.ndarray
+    arm_effort_nm: np.ndarray
+    """Largest torque of the arm motors [N m], shape (8,)."""
     torso: int
     """Body id of the torso."""
     torso_qpos: int
     """First of the seven rows of the free joint in `data.qpos`."""
+    feet: np.ndarray
+    """Body ids of the right and the left foot."""
+    soles: np.ndarray
+    """Geom ids of the right and the left sole."""
     robot_geoms: np.ndarray
     """Shape (n_geoms,), True for the robot's contact shapes."""
     fist_geoms: np.ndarray
@@ -57,32 +73,42 @@ class Index:
 
     @classmethod
     def of(cls, model: Any, prefix: str = "nao/") -> Index:
-        """Look the names up once; `prefix` is the scope under which the robot was attached."""
+        """Look the names up once; `prefix` is that under which the robot was attached."""
+        kinds = mujoco.mjtObj
 
         def row(kind: Any, name: str) -> int:
             return mujoco.mj_name2id(model, kind, name)
 
-        hinge = {joint: row(mujoco.mjtObj.mjOBJ_JOINT, prefix + joint) for joint in ALL_JOINTS}
-        qpos = {joint: int(model.jnt_qposadr[number]) for joint, number in hinge.items()}
-        dof = {joint: int(model.jnt_dofadr[number]) for joint, number in hinge.items()}
-        motor = {joint: row(mujoco.mjtObj.mjOBJ_ACTUATOR, prefix + joint) for joint in MOTOR_JOINTS}
-        torso = row(mujoco.mjtObj.mjOBJ_BODY, prefix + "Torso")
+        def rows(kind: Any, count: int) -> dict[str, int]:
+            names = [mujoco.mj_id2name(model, kind, number) or "" for number in range(count)]
+            return {name.removeprefix(prefix): n for n, name in enumerate(names) if name.startswith(prefix)}
+
+        joints = rows(kinds.mjOBJ_JOINT, model.njnt)
+        hinges = {name: n for name, n in joints.items() if model.jnt_type[n] == mujoco.mjtJoint.mjJNT_HINGE}
+        qpos = {joint: int(model.jnt_qposadr[number]) for joint, number in hinges.items()}
+        dof = {joint: int(model.jnt_dofadr[number]) for joint, number in hinges.items()}
+        actuator = rows(kinds.mjOBJ_ACTUATOR, model.nu)
+        arm_actuator = np.array([actuator[joint] for joint in JOINTS])
+        torso = row(kinds.mjOBJ_BODY, prefix + "Torso")
         base = int(model.body_rootid[torso])
-        names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, number) or "" for number in range(model.ngeom)]
-        touchable = np.array(model.geom_contype) != 0
+        named = np.zeros(model.ngeom, dtype=bool)
+        named[list(rows(kinds.mjOBJ_GEOM, model.ngeom).values())] = True
         return cls(
             qpos=qpos,
             dof=dof,
-            actuator=motor,
+            actuator=actuator,
             arm_qpos=np.array([qpos[joint] for joint in JOINTS]),
             arm_dof=np.array([dof[joint] for joint in JOINTS]),
-            arm_actuator=np.array([motor[joint] for joint in JOINTS]),
+            arm_actuator=arm_actuator,
+            arm_effort_nm=model.actuator_forcerange[arm_actuator, 1].copy(),
             torso=torso,
             torso_qpos=int(model.jnt_qposadr[model.body_jntadr[base]]),
-            robot_geoms=touchable & np.array([name.startswith(prefix) for name in names]),
-            fist_geoms=np.array([row(mujoco.mjtObj.mjOBJ_GEOM, prefix + name) for name in ("RFist", "LFist")]),
-            bag_geom=row(mujoco.mjtObj.mjOBJ_GEOM, "bag/leather"),
-            floor_geom=row(mujoco.mjtObj.mjOBJ_GEOM, "floor"),
+            feet=np.array([row(kinds.mjOBJ_BODY, f"{prefix}{side}Foot") for side in "RL"]),
+            soles=np.array([row(kinds.mjOBJ_GEOM, f"{prefix}{side}Foot") for side in "RL"]),
+            robot_geoms=named & (np.array(model.geom_contype) != 0),
+            fist_geoms=np.array([row(kinds.mjOBJ_GEOM, f"{prefix}{side}Fist") for side in "RL"]),
+            bag_geom=row(kinds.mjOBJ_GEOM, "bag/leather"),
+            floor_geom=row(kinds.mjOBJ_GEOM, "floor"),
         )
 
 
@@ -103,15 +129,13 @@ def place(model: Any, data: Any, index: Index, name: str) -> None:
     start = index.torso_qpos
     data.qpos[start : start + 7] = (0, 0, 1, 1, 0, 0, 0)
     mujoco.mj_kinematics(model, data)
-    feet = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"nao/{side}Foot") for side in "RL"]
-    sole_to_torso = data.xmat[feet[0]].reshape(3, 3)
+    sole_to_torso = data.xmat[index.feet[0]].reshape(3, 3)
     # Only the lean about y is undone: yaw of the feet may stay, and roll cancels between both sides.
     lean = np.arctan2(-sole_to_torso[2, 0], sole_to_torso[0, 0])
     data.qpos[start + 3 : start + 7] = (np.cos(lean / 2), 0, -np.sin(lean / 2), 0)
     mujoco.mj_kinematics(model, data)
-    soles = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"nao/{side}Foot") for side in "RL"]
-    lowest = min(_lowest_corner(model, data, geom) for geom in soles)
-    middle = data.xpos[feet].mean(axis=0)
+    lowest = min(_lowest_corner(model, data, geom) for geom in index.soles)
+    middle = data.xpos[index.feet].mean(axis=0)
     data.qpos[start : start + 3] -= (middle[0], middle[1], lowest)
     mujoco.mj_forward(model, data)
 
@@ -126,43 +150,35 @@ class Scene:
 
     Args:
         with_bag: Whether the bag hangs there; teaching goes without.
-        servos: Gains of the servos.
+        servos: Gains of the servos; None for those of `nao.xml`, which are `ServoSettings()`.
 
     Attributes:
-        arena, robot, bag: The composer entities (`bag` may be None). Add to `arena.mjcf_model` before `physics` is
-            first used, for instance a mocap body welded to a forearm.
+        spec: The `mujoco.MjSpec` that `model` is compiled from. Add to it before `model` is first used, for instance
+            a mocap body welded to a forearm.
     """
 
     def __init__(self, *, with_bag: bool = True, servos: ServoSettings | None = None) -> None:
-        self.arena = Ring()
-        self.robot = Nao(servos=servos)
-        self.arena.add_free_entity(self.robot)
-        self.bag: Bag | None = None
-        if with_bag:
-            self.bag = Bag()
-            self.arena.attach(self.bag, self.arena.hook)
-            self.arena.mjcf_model.sensor.add(
-                "contact", name=BAG_FORCE, geom1=self.bag.geom, subtree2=self.robot.body("Torso"),
-                data="force", reduce="netforce",
-            )  # fmt: skip
+        self.spec = mujoco.MjSpec.from_file(str(SCENE_XML))
+        self._servos = servos
+        if not with_bag:
+            self.spec.delete(self.spec.sensor(BAG_FORCE))
+            self.spec.delete(self.spec.body("bag"))
 
-    @functools.cached_property
-    def physics(self) -> Any:
-        """The compiled `dm_control.mjcf.Physics`, made at first use."""
-        physics = mjcf.Physics.from_mjcf_model(self.arena.mjcf_model)
-        place(physics.model.ptr, physics.data.ptr, Index.of(physics.model.ptr), "Guard")
-        return physics
+    @classmethod
+    def from_model(cls, model: Any) -> Scene:
+        """Return a scene that uses a model compiled elsewhere from the same files, such as by dm_control's composer."""
+        scene = cls()
+        scene.model = model
+        return scene
 
     @functools.cached_property
     def model(self) -> Any:
-        """The compiled `mujoco.MjModel`: of `physics`, or the one a composer environment compiled (see `adopt`)."""
-        return self.physics.model.ptr
-
-    def adopt(self, physics: Any) -> None:
-        """Use the model that a `composer.Environment` compiled from `arena`, instead of compiling one here."""
-        for cached in ("physics", "index", "stiffness"):
-            self.__dict__.pop(cached, None)
-        self.__dict__["model"] = physics.model.ptr
+        """The compiled `mujoco.MjModel`, made at first use."""
+        model = self.spec.compile()
+        if self._servos is not None:
+            index = Index.of(model)
+            self._servos.apply(model, index.actuator, index.dof)
+        return model
 
     @functools.cached_property
     def index(self) -> Index:
@@ -185,4 +201,20 @@ class Scene:
         place(self.model, data, self.index, name)
 
 
-__all__ = ["ALL_JOINTS", "PHYSICS_STEP_S", "POSTURES", "Index", "Scene", "place"]
+def bare_scene(*, with_bag: bool = True, servos: ServoSettings | None = None) -> Scene:
+    """Return a scene for computing only: nothing that is drawn, no sensor that no performance reads.
+
+    The states are bit for bit those of the full scene, since what is left away has no mass and touches nothing; a
+    performance takes about a sixth less time (`benchmarks/physics.py crowd`).
+
+    Args:
+        with_bag: Whether the bag hangs there.
+        servos: Gains of the servos; None for those of `nao.xml`.
+    """
+    scene = Scene(with_bag=with_bag, servos=servos)
+    read = {name for names in PERFORMANCE_SENSORS.values() for name in names}
+    unread = [sensor for sensor in scene.spec.sensors if sensor.name not in read]
+    drawn = [geom for geom in scene.spec.geoms if geom.contype == 0 and geom.conaffinity == 0]
+    for element in (*unread, *drawn, *scene.spec.cameras, *scene.spec.lights):
+        scene.spec.delete(element)
+    return scene

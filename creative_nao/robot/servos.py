@@ -8,17 +8,16 @@ from typing import Any
 import numpy as np
 
 from creative_nao.errors import SettingsError
-from creative_nao.robot.tables import Link, links
-
-EFFORT_NM: dict[str, float] = {link.joint: link.motor.effort_nm for link in links()}
-"""Largest torque of each joint [N m]."""
 
 _LEG_PARTS = ("Hip", "Knee", "Ankle")
 
 
 @dataclasses.dataclass(frozen=True)
 class ServoSettings:
-    """Gains of the position servos; none are published, these track brisk punches within the torque limits."""
+    """Gains of the position servos; none are published, these track brisk punches within the torque limits.
+
+    The defaults are the gains of `nao.xml`.
+    """
 
     arm_kp: float = 20.0
     """Proportional gain of arms and head [N m/rad]."""
@@ -38,13 +37,29 @@ class ServoSettings:
     friction_loss: float = 0.03
     """Dry friction of every joint [N m]."""
 
-    def gains(self, link: Link) -> tuple[float, float]:
-        """Return the proportional and the derivative gain of the servo that moves `link`."""
-        if any(part in link.joint for part in _LEG_PARTS):
+    def gains(self, joint: str) -> tuple[float, float]:
+        """Return the proportional and the derivative gain of the servo that turns a joint."""
+        if any(part in joint for part in _LEG_PARTS):
             return self.leg_kp, self.leg_kd
-        if link.joint.endswith("Hand"):
+        if joint.endswith("Hand"):
             return self.hand_kp, self.hand_kd
         return self.arm_kp, self.arm_kd
+
+    def apply(self, model: Any, actuators: dict[str, int], dofs: dict[str, int]) -> None:
+        """Give these gains and this friction to a compiled model.
+
+        Args:
+            model: The compiled `mujoco.MjModel`.
+            actuators: Row of each motor in the model.
+            dofs: Row of each hinge in the model.
+        """
+        for joint, row in actuators.items():
+            kp, kd = self.gains(joint)
+            model.actuator_gainprm[row, 0] = kp
+            model.actuator_biasprm[row, 1:3] = -kp, -kd
+        rows = list(dofs.values())
+        model.dof_damping[rows] = self.damping
+        model.dof_frictionloss[rows] = self.friction_loss
 
 
 class Stiffness:

@@ -1,91 +1,27 @@
-"""Draw a MuJoCo scene in plain NumPy: the last resort on a machine without any OpenGL.
+"""Draw a state without OpenGL, by MuJoCo's own ray casting on the processor: the last resort, without shadows.
 
-MuJoCo lists what is to be seen, with which camera and under which lights (`mjvScene`, which needs no OpenGL). Here each
-shape is met by the rays of the pixels it may cover, a depth buffer keeps the nearest, and what is left is shaded once
-with the formula of fixed-function OpenGL: emission, ambient, diffuse, specular. There are no shadows and no mirror
-images.
+Every pixel sends one ray (`mj_multiRay`); where it meets a shape, the formula of fixed-function OpenGL (emission,
+ambient, diffuse, specular) gives the colour. Textures are drawn in their mean colour, the sky as a gradient.
 """
 
-# MuJoCo tells type checkers nothing about its members.
+# The bindings of MuJoCo have no static types.
 # pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from creative_nao.robot import ray_shapes
-
-_KINDS = {
-    int(mujoco.mjtGeom.mjGEOM_PLANE): "plane",
-    int(mujoco.mjtGeom.mjGEOM_SPHERE): "ellipsoid",
-    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
-    int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
-    int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
-    int(mujoco.mjtGeom.mjGEOM_BOX): "box",
-}
-_BACKDROP = (0.10, 0.12, 0.16)
+_VISIBLE_GROUPS = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
+_BACKGROUND = np.full((1, 3), 0.12)
 """Colour behind everything in a model without a sky."""
 _SHININESS = 128.0
-_ROLE = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
-
-
-@dataclass
-class _View:
-    """The eye and one ray for each pixel, in the world frame; a ray ends on the near plane."""
-
-    eye: np.ndarray
-    right: np.ndarray
-    up: np.ndarray
-    forward: np.ndarray
-    half: tuple[float, float]
-    near: float
-    rays: np.ndarray
-
-    @classmethod
-    def of(cls, scene: Any, width: int, height: int) -> _View:
-        """Take the mean of the two cameras that MuJoCo prepares for stereo pictures."""
-        one, two = scene.camera
-        eye, forward = (np.mean([getattr(c, name) for c in (one, two)], axis=0) for name in ("pos", "forward"))
-        forward = forward / np.linalg.norm(forward)
-        up = np.array(one.up, dtype=np.float64)
-        right = np.cross(forward, up)
-        right /= np.linalg.norm(right)
-        up = np.cross(right, forward)
-        tall = (one.frustum_top - one.frustum_bottom) / 2
-        half = (tall * width / height, tall)
-        x = ((np.arange(width) + 0.5) / width * 2 - 1) * half[0]
-        y = (1 - (np.arange(height) + 0.5) / height * 2) * half[1]
-        near = float(one.frustum_near)
-        rays = near * forward + x[None, :, None] * right + y[:, None, None] * up
-        return cls(eye.astype(np.float64), right, up, forward, half, near, rays)
-
-    def window(self, corners: np.ndarray) -> tuple[slice, slice] | None:
-        """Return rows and columns of the pixels that a convex body with these corners may cover."""
-        height, width = self.rays.shape[:2]
-        seen = corners - self.eye
-        depth = seen @ self.forward
-        behind = depth < self.near
-        if behind.all():
-            return None
-        if behind.any():  # cut every line from a corner in front to one behind at the near plane
-            front, back = (np.flatnonzero(side) for side in (~behind, behind))
-            share = ((depth[front] - self.near)[:, None] / (depth[front][:, None] - depth[back]))[..., None]
-            cut = seen[front][:, None] + share * (seen[back] - seen[front][:, None])
-            seen = np.concatenate([seen[front], cut.reshape(-1, 3)])
-            depth = seen @ self.forward
-        x = (seen @ self.right) / depth * self.near / self.half[0]
-        y = (seen @ self.up) / depth * self.near / self.half[1]
-        left, stop = int((x.min() + 1) / 2 * width), int((x.max() + 1) / 2 * width) + 2
-        top, bottom = int((1 - y.max()) / 2 * height), int((1 - y.min()) / 2 * height) + 2
-        rows, columns = slice(max(top, 0), min(bottom, height)), slice(max(left, 0), min(stop, width))
-        return (rows, columns) if rows.start < rows.stop and columns.start < columns.stop else None
+"""Exponent of OpenGL at a shininess of 1."""
 
 
 class SoftwareCanvas:
-    """Draws prepared scenes of one model.
+    """Draws states of one model.
 
     Args:
         model: The compiled `mujoco.MjModel`.
@@ -94,132 +30,83 @@ class SoftwareCanvas:
     """
 
     def __init__(self, model: Any, width: int, height: int) -> None:
-        self._model, self._width, self._height = model, width, height
-        self._textures = {number: _texture(model, number) for number in range(model.ntex)}
-        types = np.asarray(model.tex_type)
-        skies = np.flatnonzero(types == int(mujoco.mjtTexture.mjTEXTURE_SKYBOX))
-        self._sky = self._textures[int(skies[0])] if len(skies) else None
+        self._model, self._shape = model, (height, width)
         self._far = float(model.vis.map.zfar * model.stat.extent)
-        self._depth = np.full((height, width), self._far)
+        self._distance = np.full(height * width, self._far)
+        textures = [_texture(model, number) for number in range(model.ntex)]
+        skies = np.flatnonzero(model.tex_type == int(mujoco.mjtTexture.mjTEXTURE_SKYBOX))
+        # The six faces stand one below the other; the first is a side, from the top of the sky to the bottom.
+        self._sky = textures[skies[0]][: model.tex_width[skies[0]]].mean(axis=1) if len(skies) else _BACKGROUND
+        material = model.geom_matid
+        painted = np.flatnonzero(material >= 0)
+        self._colour = model.geom_rgba[:, :3].astype(np.float64)
+        self._finish = np.tile([0.0, 0.5, 0.5], (model.ngeom, 1))  # MuJoCo's defaults
+        for geom in painted:
+            texture = int(model.mat_texid[material[geom], int(mujoco.mjtTextureRole.mjTEXROLE_RGB)])
+            mean = textures[texture].mean(axis=(0, 1)) if texture >= 0 else 1.0
+            self._colour[geom] = model.mat_rgba[material[geom], :3] * mean
+            finish = (getattr(model, f"mat_{name}")[material[geom]] for name in ("emission", "specular", "shininess"))
+            self._finish[geom] = tuple(finish)
 
-    def draw(self, scene: Any) -> np.ndarray:
-        """Draw what `mjv_updateScene` has put into a `mujoco.MjvScene`, as uint8 of shape (height, width, 3)."""
-        view = _View.of(scene, self._width, self._height)
-        picture = self._backdrop(view.rays.reshape(-1, 3))
-        geoms = [geom for geom in scene.geoms[: scene.ngeom] if int(geom.type) in _KINDS and geom.rgba[3] > 0]
-        solid = [geom for geom in geoms if geom.rgba[3] >= 1]
-        depth = np.full(picture.shape[:1], np.inf)
-        owner = self._cover(view, solid, depth)
-        self._depth = np.minimum(depth * view.near, self._far).reshape(self._height, self._width)
-        lights = [scene.lights[number] for number in range(scene.nlight)]
-        for number, geom in enumerate(solid):
-            pixels = np.flatnonzero(owner == number)
-            if len(pixels):
-                picture[pixels] = self._shaded(view, geom, pixels, depth[pixels], lights)
-        for geom in sorted(
-            (g for g in geoms if g.rgba[3] < 1), key=lambda g: -float((g.pos - view.eye) @ view.forward)
-        ):
-            behind = depth.copy()  # what one can see through hides nothing
-            pixels = np.flatnonzero(self._cover(view, [geom], behind) == 0)
-            if len(pixels):
-                over = self._shaded(view, geom, pixels, behind[pixels], lights)
-                picture[pixels] += float(geom.rgba[3]) * (over - picture[pixels])
-        return (np.clip(picture, 0, 1) * 255).round().astype(np.uint8).reshape(self._height, self._width, 3)
+    def draw(self, data: Any, camera: int) -> np.ndarray:
+        """Draw what a fixed camera sees, as uint8 of shape (height, width, 3); kinematics must be up to date."""
+        height, width = self._shape
+        eye, axes = data.cam_xpos[camera].copy(), data.cam_xmat[camera].reshape(3, 3)
+        tall = np.tan(np.deg2rad(self._model.cam_fovy[camera]) / 2)
+        x = ((np.arange(width) + 0.5) / width * 2 - 1) * tall * width / height
+        y = (1 - (np.arange(height) + 0.5) / height * 2) * tall
+        # A ray of this length ends one metre before the camera's plane, so that distances are depths.
+        rays = np.stack([*np.meshgrid(x, y), np.full(self._shape, -1.0)], axis=-1).reshape(-1, 3) @ axes.T
+        geom, distance = np.empty(len(rays), dtype=np.int32), np.empty(len(rays))
+        normal = np.empty(rays.size)
+        groups, far = _VISIBLE_GROUPS, self._far
+        mujoco.mj_multiRay(
+            self._model, data, eye, rays.ravel(), groups, True, -1, geom, distance, normal, len(rays), 1e10
+        )
+        met = np.flatnonzero((geom >= 0) & (distance < far))
+        self._distance = np.full(len(rays), far)
+        self._distance[met] = distance[met]
+        height_in_sky = rays[:, 2] / np.abs(rays).max(axis=1)  # 1 straight up, -1 straight down
+        picture = self._sky[((1 - height_in_sky) / 2 * (len(self._sky) - 1)).astype(int)]
+        points = eye + distance[met, None] * rays[met]
+        picture[met] = self._shaded(data, eye, -axes[:, 2], geom[met], points, normal.reshape(-1, 3)[met])
+        return (np.clip(picture, 0, 1) * 255).round().astype(np.uint8).reshape(height, width, 3)
 
     def depth(self) -> np.ndarray:
         """Return the distance of what was drawn last from the camera's plane [m], (height, width)."""
-        return self._depth
+        return self._distance.reshape(self._shape)
 
-    def _cover(self, view: _View, geoms: list[Any], depth: np.ndarray) -> np.ndarray:
-        """Find the nearest of the shapes at each pixel; lower `depth`, return the shape's number or -1."""
-        shape = (self._height, self._width)
-        owner = np.full(shape, -1)
-        depth = depth.reshape(shape)
-        for number, geom in enumerate(geoms):
-            kind, size, turn, place = _pose(geom)
-            window = (slice(0, shape[0]), slice(0, shape[1])) if kind == "plane" else view.window(_corners(geom))
-            if window is None:
-                continue
-            rays = view.rays[window]
-            times = ray_shapes.SHAPES[kind]((view.eye - place) @ turn, rays.reshape(-1, 3) @ turn, size)
-            times = times.reshape(rays.shape[:2])
-            closer = (times < depth[window]) & (times >= 1.0)
-            depth[window][closer] = times[closer]
-            owner[window][closer] = number
-        return owner.ravel()
-
-    def _shaded(self, view: _View, geom: Any, pixels: np.ndarray, times: np.ndarray, lights: list[Any]) -> np.ndarray:
-        """Return the colour of one shape at some pixels, (n, 3)."""
-        kind, size, turn, place = _pose(geom)
-        points = view.eye + times[:, None] * view.rays.reshape(-1, 3)[pixels]
-        local = (points - place) @ turn
-        normal = ray_shapes.normals(kind, local, size) @ turn.T
-        to_eye = view.eye - points
-        to_eye /= np.linalg.norm(to_eye, axis=1, keepdims=True)
-        paint = np.asarray(geom.rgba[:3], dtype=np.float64) * self._texture_at(geom, local, size)
-        light, shine = np.full((1, 3), float(geom.emission)), np.zeros((1, 3))
-        for lamp in lights:
-            way = np.asarray(lamp.pos, dtype=np.float64) - points
-            if int(lamp.type) == int(mujoco.mjtLightType.mjLIGHT_DIRECTIONAL):
-                way = np.broadcast_to(-np.asarray(lamp.dir, dtype=np.float64), points.shape)
-            way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+    def _shaded(
+        self, data: Any, eye: np.ndarray, forward: np.ndarray, geom: np.ndarray, points: np.ndarray, normal: np.ndarray
+    ) -> np.ndarray:
+        """Return the colours of points on shapes, (n, 3)."""
+        model, emission, specular, shininess = self._model, *self._finish[geom].T[:, :, None]
+        to_eye = _unit(eye - points)
+        head = model.vis.headlight
+        lamps = [(head.ambient, head.diffuse, head.specular, -forward)] if head.active else []
+        lamps += [
+            (model.light_ambient[k], model.light_diffuse[k], model.light_specular[k],
+             -data.light_xdir[k] if model.light_type[k] == int(mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
+             else data.light_xpos[k] - points)
+            for k in np.flatnonzero(model.light_active)
+        ]  # fmt: skip
+        light, shine = emission + np.zeros((1, 3)), np.zeros((1, 3))
+        for ambient, diffuse, mirrored, way in lamps:
+            way = _unit(np.broadcast_to(way, points.shape))
             facing = np.maximum(np.einsum("ni,ni->n", normal, way), 0.0)[:, None]
-            light = light + np.asarray(lamp.ambient) + facing * np.asarray(lamp.diffuse)
-            middle = way + to_eye
-            middle = middle / np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), 1e-12)
-            glance = np.maximum(np.einsum("ni,ni->n", normal, middle), 0.0)[:, None] ** (geom.shininess * _SHININESS)
-            shine = shine + (facing > 0) * glance * np.asarray(lamp.specular)
-        return paint * light + float(geom.specular) * shine
-
-    def _texture_at(self, geom: Any, local: np.ndarray, size: np.ndarray) -> np.ndarray:
-        """Return the texture's colour, (n, 3), seen from above as MuJoCo lays flat textures; 1 where there is none."""
-        if geom.matid < 0 or (number := int(self._model.mat_texid[geom.matid, _ROLE])) < 0:
-            return np.ones((1, 3))
-        image = self._textures[number]
-        if int(self._model.tex_type[number]) != int(mujoco.mjtTexture.mjTEXTURE_2D):
-            return image.reshape(-1, 3).mean(axis=0, keepdims=True)
-        share = (local[:, :2] / np.maximum(size[:2], 1e-9) + 1) / 2 * self._model.mat_texrepeat[geom.matid]
-        rows, columns = ((share[:, axis] % 1.0 * image.shape[1 - axis]).astype(int) for axis in (1, 0))
-        return image[np.minimum(rows, image.shape[0] - 1), np.minimum(columns, image.shape[1] - 1)]
-
-    def _backdrop(self, rays: np.ndarray) -> np.ndarray:
-        """Return the sky behind every pixel, (n, 3): the six faces of a cube around the world."""
-        if self._sky is None:
-            return np.tile(np.array(_BACKDROP), (len(rays), 1))
-        side = self._sky.shape[1]
-        axis = np.abs(rays).argmax(axis=1)
-        largest = rays[np.arange(len(rays)), axis]
-        x, y, z = (rays / np.abs(largest)[:, None]).T
-        # Faces stand one below the other: right, left, up, down, front, back.
-        face = np.select([axis == 0, axis == 1], [np.where(largest > 0, 0, 1), np.where(largest > 0, 4, 5)], 2) + (
-            (axis == 2) & (largest < 0)
-        )
-        across = np.select([axis == 0, axis == 1], [y, x], x)
-        down = np.where(axis == 2, y, -z)
-        column = np.clip(((across + 1) / 2 * side).astype(int), 0, side - 1)
-        row = np.clip(((down + 1) / 2 * side).astype(int), 0, side - 1)
-        return self._sky[face * side + row, column]
+            glance = np.maximum(np.einsum("ni,ni->n", normal, _unit(way + to_eye)), 0.0)[:, None]
+            light = light + ambient + facing * diffuse
+            shine = shine + (facing > 0) * glance ** (shininess * _SHININESS) * mirrored
+        return self._colour[geom] * light + specular * shine
 
 
-def _pose(geom: Any) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
-    """Return kind, half sizes, rotation matrix and place of a shape."""
-    size = np.asarray(geom.size, dtype=np.float64)
-    turn = np.asarray(geom.mat, dtype=np.float64).reshape(3, 3)
-    return _KINDS[int(geom.type)], size, turn, np.asarray(geom.pos, dtype=np.float64)
-
-
-def _corners(geom: Any) -> np.ndarray:
-    """Return the corners of the box around a shape, in the world frame, (8, 3)."""
-    kind, size, turn, place = _pose(geom)
-    half = np.array([size[0], size[1], size[2] + size[0]]) if kind == "capsule" else size
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-    return place + (signs * half) @ turn.T
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)
 
 
 def _texture(model: Any, number: int) -> np.ndarray:
     """Return a texture of the model as numbers from 0 to 1, (height, width, 3)."""
     height, width, channels = (int(getattr(model, f"tex_{name}")[number]) for name in ("height", "width", "nchannel"))
     start = int(model.tex_adr[number])
-    flat = np.asarray(model.tex_data[start : start + height * width * channels], dtype=np.float64) / 255
-    image = flat.reshape(height, width, channels)
+    image = model.tex_data[start : start + height * width * channels].reshape(height, width, channels) / 255
     return image[..., :3] if channels >= 3 else np.repeat(image[..., :1], 3, axis=2)

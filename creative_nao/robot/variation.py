@@ -4,7 +4,7 @@ No two robots are alike, and several figures of this one are estimates. What is 
 trusted more than what holds on one.
 """
 
-# MuJoCo and PyMJCF tell type checkers nothing about their members.
+# The bindings of MuJoCo have no static types.
 # pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
