@@ -35,7 +35,6 @@ from creative_nao.robot import (
     first_failure,
     interpolation,
 )
-from creative_nao.robot.servos import EFFORT_NM
 
 DEMOS = load_demonstrations()
 STEP_RAD = 0.3
@@ -75,10 +74,11 @@ def step_response(performer: Performer, joint: str, sign: float) -> list[str]:
     outside = np.flatnonzero(np.abs(share - 1) > 0.02)
     peak = float(np.abs(torque).max())
     settled = (outside[-1] + 1) * step_s
-    full = float(np.sum(np.abs(torque) >= 0.999 * EFFORT_NM[joint])) * step_s
+    effort = float(scene.index.arm_effort_nm[JOINTS.index(joint)])
+    full = float(np.sum(np.abs(torque) >= 0.999 * effort)) * step_s
     return [
         joint, f"{1000 * rise:.0f}", f"{100 * max(0.0, share.max() - 1):.1f}", f"{1000 * settled:.0f}",
-        f"{1000 * abs(goal - rest):.0f}", f"{peak:.2f} of {EFFORT_NM[joint]}", f"{1000 * full:.0f}",
+        f"{1000 * abs(goal - rest):.0f}", f"{peak:.2f} of {effort:g}", f"{1000 * full:.0f}",
     ]  # fmt: skip
 
 

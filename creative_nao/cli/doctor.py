@@ -13,7 +13,7 @@ from typing import Any
 
 from creative_nao.cli.terminal import print_result
 from creative_nao.errors import MissingDependencyError
-from creative_nao.robot import headless
+from creative_nao.robot import rendering
 from creative_nao.runtime import usable_cores, versions
 
 _GIB = 2**30
@@ -36,7 +36,7 @@ def run(settings: DoctorSettings) -> int:
 
 def examine() -> dict[str, Any]:
     """Return everything there is to know, as plain JSON values."""
-    back_ends = {name: headless.probe(name) for name in headless.ON}
+    back_ends = {name: rendering.probe(name) for name in rendering.ON}
     return {
         "versions": versions(),
         "platform": sys.platform,
@@ -45,12 +45,12 @@ def examine() -> dict[str, Any]:
         "display": os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY") or None,
         "mujoco_gl": os.environ.get("MUJOCO_GL") or None,
         "back_ends": {
-            name: {"works": not reason, "reason": reason or None, "apt": headless.PACKAGES[name]}
+            name: {"works": not reason, "reason": reason or None, "apt": rendering.PACKAGES[name]}
             for name, reason in back_ends.items()
         },
-        "rendering": headless.working_backend(),
+        "rendering": rendering.working_backend(),
         "software_renderer": _draws_in_software(back_ends),
-        "body": _body(),
+        "dm_control": _dm_control(),
         "numba_cache": _numba_cache(),
         "torch_threads": _torch_threads(),
         "video": importlib.util.find_spec("imageio_ffmpeg") is not None,
@@ -60,7 +60,7 @@ def examine() -> dict[str, Any]:
 def _draws_in_software(back_ends: dict[str, str]) -> bool:
     """Tell whether a `Renderer` made now would draw in software."""
     chosen = os.environ.get("MUJOCO_GL", "").lower()
-    if chosen in headless.OFF:
+    if chosen in rendering.OFF:
         return True
     return bool(back_ends[chosen]) if chosen in back_ends else all(back_ends.values())
 
@@ -81,10 +81,10 @@ def _memory_gib() -> dict[str, float | None]:
     return {"total": round(total, 1), "available": round(free, 1)}
 
 
-def _body() -> dict[str, Any]:
-    """Return whether the robot can be built, and why not: without dm-control there is no physics, all else works."""
+def _dm_control() -> dict[str, Any]:
+    """Return whether `creative_nao.envs.load` works, and why not: without dm-control all else does."""
     try:
-        importlib.import_module("creative_nao.robot.modelling")
+        importlib.import_module("creative_nao.envs.boxing_task")
     except MissingDependencyError as error:
         return {"works": False, "reason": str(error)}
     return {"works": True, "reason": None}
@@ -126,7 +126,8 @@ def _lines(found: dict[str, Any]) -> list[str]:
     if memory["total"] is not None:
         rows.append(("memory", f"{memory['available']:.1f} of {memory['total']:.1f} GiB available"))
     rows.append(("display", found["display"] or "none"))
-    rows.append(("robot's body", "works" if found["body"]["works"] else f"no: {found['body']['reason']}"))
+    task = found["dm_control"]
+    rows.append(("dm_control task", "works" if task["works"] else f"no: {task['reason']}"))
     for name, state in found["back_ends"].items():
         advice = f"no: {state['reason']}; apt-get install {state['apt']}"
         rows.append((f"rendering: {name}", "works" if state["works"] else advice))

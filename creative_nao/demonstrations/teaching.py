@@ -309,9 +309,10 @@ def _scene_with_stand() -> Scene:
     from creative_nao.robot.scene import Scene
 
     scene = Scene(with_bag=False)
-    root = scene.arena.mjcf_model
-    stand = root.worldbody.add("body", name="stand", mocap=True)
-    root.equality.add("weld", name="stand", body1=stand, body2=scene.robot.body("Torso"), relpose=(0, 0, 0, 1, 0, 0, 0))
+    scene.spec.worldbody.add_body(name="stand", mocap=True)
+    weld = scene.spec.add_equality(name="stand", type=mujoco.mjtEq.mjEQ_WELD, name1="stand", name2="nao/Torso")
+    weld.objtype = mujoco.mjtObj.mjOBJ_BODY
+    weld.data = np.array([0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0])  # anchor, relative place and attitude, torque scale
     return scene
 
 

@@ -7,7 +7,6 @@ Also here:
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import json
 import time
 from collections.abc import Callable
@@ -196,13 +195,11 @@ def evaluate(
         on_progress: Called several times a second while jobs run.
 
     Raises:
-        MissingDependencyError: If dm-control is missing; the report shows movements on the robot.
         SettingsError: If the folder holds another run, or a count is below 1.
         NotFoundError: If there is nothing to resume, or a name of the suite is unknown.
         JobError: If a job failed at every attempt.
         KeyboardInterrupt: After Ctrl-C; finished jobs stay and can be resumed.
     """
-    importlib.import_module("creative_nao.robot.modelling")  # what is missing is told now, not after the last job
     jobs = plan(suite, base_seed=seed)
     record = open_folder(folder, suite, base_seed=seed, resume=resume, command=command)
     executor = LocalExecutor.on_all_cores() if executor is None else executor
