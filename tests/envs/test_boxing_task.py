@@ -7,7 +7,7 @@ from creative_nao.demonstrations import load_demonstrations
 from creative_nao.envs import TASKS, boxing_task, load
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.joints import JOINTS, limits
-from creative_nao.robot import Performer, arm_angles
+from creative_nao.robot import Performer, Scene, arm_angles
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +95,23 @@ def test_the_performer_runs_on_the_model_of_the_environment(env):
     performer = Performer(env.task.scene)
     assert performer.scene.model is env.physics.model.ptr
     assert not performer.perform(np.repeat(arm_angles("Guard")[None], 5, axis=0), 0.15).fell
+
+
+def test_composer_builds_the_same_physics_as_plain_mujoco_to_the_bit(env):
+    """Every number of both compiled models is equal, and so is a punch."""
+    ours, theirs = Scene().model, env.physics.model.ptr
+    arrays = [name for name in dir(ours) if isinstance(getattr(ours, name), np.ndarray)]
+    assert len(arrays) > 300
+    for name in arrays:
+        if not name.startswith(("name", "_sizes")):
+            np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name), err_msg=name)
+    demos = load_demonstrations()
+    one, two = (
+        Performer(scene).perform(demos.trajectories[1], demos.dt_s, keep_frames=True)
+        for scene in (Scene(), env.task.scene)
+    )
+    assert np.array_equal(one.frames, two.frames)
+    assert one.hits == two.hits
 
 
 def test_a_control_step_is_a_whole_number_of_physics_steps():

@@ -1,14 +1,17 @@
 """The compiled robot has the published masses, lengths and ranges."""
 
+import csv
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
 
 from creative_nao.joints import JOINTS, LIMITS_RAD, MAX_SPEED_RAD_S
-from creative_nao.robot import Nao, place, tables
-from creative_nao.robot.nao import COUPLED, MOTOR_JOINTS
-from creative_nao.robot.shells import shapes
+from creative_nao.robot import BAG_XML, NAO_XML, RING_XML, SCENE_XML, place, scene
+from creative_nao.robot.postures import THIGH_M, TIBIA_M
 
+COUPLED = ("LHipYawPitch", "RHipYawPitch")
 COM_ABOVE_SOLE_M = {"StandZero": 0.300, "Stand": 0.280, "StandInit": 0.274, "Crouch": 0.201}
 TORSO_ABOVE_SOLE_M = {"StandZero": 0.333, "Stand": 0.332, "StandInit": 0.320, "Crouch": 0.228}
 COM_AHEAD_OF_ANKLE_M = {"StandZero": 0.021, "Stand": -0.010, "StandInit": 0.023, "Crouch": 0.020}
@@ -24,13 +27,77 @@ RIGHT_FIST_IN_TORSO_M = [
 ]
 
 
+SOURCES = Path(scene.__file__).with_name("nao_sources.csv")
+TABLE = list(csv.reader(line for line in SOURCES.read_text(encoding="utf-8").splitlines() if line[0] != "#"))[1:]
+FIGURES = {(element, figure): [float(part) for part in value.split()] for element, figure, value, _, _ in TABLE}
+LEGEND = {"L", "J", "U6", "UE", "DS6", "estimate", "U6 less the fingers"}
+
+
+def full_inertia(model, name):
+    """xx, yy, zz, xy, xz, yz about the centre of mass in the axes of the link."""
+    body, turn = model.body(name), np.zeros(9)
+    mujoco.mju_quat2Mat(turn, body.iquat)
+    tensor = turn.reshape(3, 3) @ np.diag(body.inertia) @ turn.reshape(3, 3).T
+    return tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+
+
+FOUND = {  # how each figure of the table of sources is read from the compiled robot
+    "mass": lambda model, name: model.body(name).mass,
+    "com": lambda model, name: model.body(name).ipos,
+    "inertia": full_inertia,
+    "offset": lambda model, name: model.body(model.joint(name).bodyid[0]).pos,
+    "axis": lambda model, name: model.joint(name).axis,
+    "range": lambda model, name: model.joint(name).range,
+    "armature": lambda model, name: model.dof_armature[model.joint(name).dofadr],
+    "effort": lambda model, name: model.actuator(name).forcerange[1:],
+}
+
+
+@pytest.fixture(scope="module")
+def alone():
+    """The robot of its own file, as anyone can open it."""
+    return mujoco.MjModel.from_xml_path(str(NAO_XML))
+
+
+@pytest.mark.parametrize("figure", FOUND)
+def test_every_figure_of_the_robot_is_that_of_the_table_of_sources(alone, figure):
+    rows = [(name, value) for (name, kind), value in FIGURES.items() if kind == figure]
+    assert len(rows) in (26, 27)
+    for name, value in rows:
+        if figure == "effort" and name == COUPLED[1]:
+            continue  # the left one's motor turns it
+        np.testing.assert_allclose(FOUND[figure](alone, name), value, rtol=1e-12, atol=1e-12, err_msg=name)
+
+
+def test_every_figure_has_a_unit_and_a_source():
+    assert len({tuple(row[:2]) for row in TABLE}) == len(TABLE) == 3 * 27 + 6 * 26
+    assert {row[4] for row in TABLE} <= LEGEND
+    assert all(row[3] for row in TABLE)
+
+
+@pytest.mark.parametrize("path", [NAO_XML, BAG_XML, RING_XML, SCENE_XML], ids=lambda path: path.name)
+def test_each_file_opens_by_itself_and_shows_something(path):
+    """As in `python -m mujoco.viewer --mjcf=nao.xml`."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data)
+    assert np.isfinite(data.qpos).all()
+    assert ((model.geom_group <= 2) & (model.geom_matid >= 0)).sum() >= 10
+
+
+def test_the_legs_of_the_postures_are_as_long_as_the_model_s(alone):
+    assert -alone.body("LTibia").pos[2] == THIGH_M
+    assert -alone.body("LAnkle").pos[2] == TIBIA_M
+
+
 def body(scene, data, name):
     return data.body(f"nao/{name}")
 
 
 def test_the_robot_weighs_what_its_links_weigh(scene):
     assert scene.model.body_subtreemass[scene.index.torso] == pytest.approx(5.36, abs=1e-3)
-    assert scene.model.body_subtreemass[scene.index.torso] == pytest.approx(tables.TOTAL_MASS_KG, abs=1e-9)
+    links = sum(value[0] for (_, figure), value in FIGURES.items() if figure == "mass")
+    assert scene.model.body_subtreemass[scene.index.torso] == pytest.approx(links, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", COM_ABOVE_SOLE_M)
@@ -64,19 +131,18 @@ def test_limits_of_the_arms_are_those_of_the_joint_table(scene):
 
 
 def test_every_motor_is_limited_to_its_published_effort(scene):
-    for link in tables.links():
-        if link.joint in MOTOR_JOINTS:
-            effort = link.motor.effort_nm
-            assert tuple(scene.model.actuator(f"nao/{link.joint}").forcerange) == (-effort, effort)
+    for joint in scene.index.actuator:
+        (effort,) = FIGURES[joint, "effort"]
+        assert tuple(scene.model.actuator(f"nao/{joint}").forcerange) == (-effort, effort)
+    assert scene.index.arm_effort_nm.tolist() == [FIGURES[joint, "effort"][0] for joint in JOINTS]
 
 
 def test_motors_are_no_faster_than_the_joint_table_says():
-    speeds = {link.joint: link.motor.speed_rad_s for link in tables.links()}
-    assert {joint: speeds[joint] for joint in JOINTS} == MAX_SPEED_RAD_S
+    assert {joint: FIGURES[joint, "speed"][0] for joint in JOINTS} == MAX_SPEED_RAD_S
 
 
 def test_one_motor_turns_both_hips(scene, data):
-    assert len(MOTOR_JOINTS) == scene.model.nu == 25
+    assert len(scene.index.actuator) == scene.model.nu == 25
     scene.place(data, "StandInit")
     data.ctrl[scene.index.actuator[COUPLED[0]]] = -0.3
     mujoco.mj_step(scene.model, data, nstep=200)
@@ -90,22 +156,20 @@ def test_left_and_right_mirror_each_other(scene, data, name):
     place(scene.model, data, scene.index, name)
     torso = body(scene, data, "Torso")
     turn = torso.xmat.reshape(3, 3)
-    for link in tables.LEFT:
-        if name == "Stand" and link.name in ("LHand", "LFingers"):
+    links = [element for element, figure in FIGURES if figure == "mass" and element[0] == "L"]
+    assert len(links) == 12
+    for link in links:
+        if name == "Stand" and link in ("LHand", "LFingers"):
             continue  # the published Stand turns both wrists by the same angle, which is no mirror image
-        left, right = (
-            turn.T @ (body(scene, data, part).xipos - torso.xpos) for part in (link.name, tables.other_side(link.name))
-        )
+        left, right = (turn.T @ (body(scene, data, part).xipos - torso.xpos) for part in (link, "R" + link[1:]))
         np.testing.assert_allclose(right, left * [1, -1, 1], atol=1e-6)
 
 
 def test_inertia_of_the_left_is_reflected_to_the_right():
-    left = next(link for link in tables.LEFT if link.name == "LUpperArm")
-    right = tables.mirrored(left)
-    assert right.inertia_e6 == (95.29, 272.74, 248.17, 40.11, -13.74, 4.35)
-    assert right.com_mm == (24.55, -5.63, 3.30)
-    assert right.range_rad == (-1.3265, 0.3142)
-    assert tables.mirrored(right).inertia_e6 == left.inertia_e6
+    for (element, figure), left in FIGURES.items():
+        if figure == "inertia" and element[0] == "L":
+            signs = np.array([1, 1, 1, -1, 1, -1])
+            np.testing.assert_array_equal(FIGURES["R" + element[1:], figure], left * signs)
 
 
 def test_the_robot_is_as_tall_as_the_data_sheet_says(scene, data):
@@ -115,13 +179,20 @@ def test_the_robot_is_as_tall_as_the_data_sheet_says(scene, data):
     assert top == pytest.approx(0.574, abs=0.001)
 
 
-def test_shapes_add_no_mass_and_only_named_ones_touch(scene):
-    assert all(bool(shape.name) == shape.contact for shape in shapes())
-    touching = np.flatnonzero(scene.index.robot_geoms)
-    assert len(touching) == sum(shape.contact for shape in shapes())
-    assert scene.model.body("nao/Head").mass[0] == pytest.approx(0.65973)
+def test_shapes_add_no_mass_and_only_named_ones_touch(alone, scene):
+    names = [alone.geom(number).name for number in range(alone.ngeom)]
+    assert [bool(name) for name in names] == (alone.geom_contype != 0).tolist()
+    assert scene.index.robot_geoms.sum() == sum(map(bool, names)) == 18
+    assert scene.model.body("nao/Head").mass[0] == FIGURES["Head", "mass"][0]
 
 
 def test_the_robot_brings_no_physics_options_of_its_own():
     """Options of an attached model would silently change those of the ring."""
-    assert "<option" not in Nao().mjcf_model.to_xml_string()
+    assert "<option" not in NAO_XML.read_text(encoding="utf-8")
+
+
+def test_numbers_of_the_model_files_are_written_in_full():
+    """A rounded digit would move the bits of every published result."""
+    model = mujoco.MjModel.from_xml_path(str(SCENE_XML))
+    assert model.body("nao/LForearm").ipos[0] == 25.56 / 1000
+    assert model.jnt_axis[model.joint("nao/LHipYawPitch").id][1] == 0.5**0.5

@@ -13,7 +13,6 @@ from creative_nao.robot import (
     Renderer,
     can_draw,
     film_strip,
-    headless,
     imagined_frames,
     moments,
     pictures,
@@ -101,9 +100,9 @@ print([name for name in ("mujoco", "dm_control", "OpenGL") if name in sys.module
     ],
 )
 def test_the_first_back_end_that_works_is_chosen(monkeypatch, libraries, egl, expected):
-    monkeypatch.setattr(headless, "_egl_starts", lambda: egl)
-    monkeypatch.setattr(headless, "_loads", lambda name: name in libraries)
-    assert headless.working_backend() == expected
+    monkeypatch.setattr(rendering, "_egl_starts", lambda: egl)
+    monkeypatch.setattr(rendering, "_loads", lambda name: name in libraries)
+    assert rendering.working_backend() == expected
 
 
 @pytest.mark.parametrize("name", ["MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY"])
@@ -112,7 +111,7 @@ def test_what_the_user_or_a_display_decides_stays(monkeypatch, name):
         monkeypatch.delenv(variable, raising=False)
     monkeypatch.setenv(name, "glfw")
     before = dict(os.environ)
-    headless.prepare()
+    rendering.choose_backend()
     assert dict(os.environ) == before
 
 
@@ -141,7 +140,7 @@ def test_a_frame_shows_the_robot(scene):
 @needs_gl
 def test_every_camera_sees_something(scene):
     with Renderer(scene.model, 64, 48) as renderer:
-        for camera in ("close", "ringside", "side", "left"):
+        for camera in ("close", "ringside", "side", "left", "nao/top_camera"):
             assert renderer.frame(scene.guard_qpos(), camera).std() > 10
 
 

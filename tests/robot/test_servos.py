@@ -5,7 +5,7 @@ import pytest
 
 from creative_nao.errors import SettingsError
 from creative_nao.joints import JOINTS
-from creative_nao.robot import Scene
+from creative_nao.robot import Scene, ServoSettings
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +24,33 @@ def test_stiffness_scales_the_torque_of_the_named_joints_only(own_scene):
     np.testing.assert_array_equal(own_scene.model.actuator_forcerange[arms[:4]], 0.5 * full[arms[:4]])
     own_scene.stiffness.reset()
     np.testing.assert_array_equal(own_scene.model.actuator_forcerange, full)
+
+
+GAINS = ("actuator_gainprm", "actuator_biasprm", "dof_damping", "dof_frictionloss")
+
+
+def test_the_gains_of_the_model_file_are_the_defaults_of_the_settings(own_scene):
+    explicit = Scene(with_bag=False, servos=ServoSettings()).model
+    for array in GAINS:
+        np.testing.assert_array_equal(getattr(explicit, array), getattr(own_scene.model, array), err_msg=array)
+
+
+def test_other_gains_reach_their_joints():
+    settings = ServoSettings(arm_kp=30.0, arm_kd=0.8, leg_kp=90.0, hand_kd=0.01, damping=0.1, friction_loss=0.0)
+    scene = Scene(servos=settings)
+    for joint, kp, kd in (
+        ("RElbowRoll", 30.0, 0.8),
+        ("HeadYaw", 30.0, 0.8),
+        ("LKneePitch", 90.0, 2.0),
+        ("LHand", 1.0, 0.01),
+    ):
+        row = scene.index.actuator[joint]
+        assert scene.model.actuator_gainprm[row, 0] == kp
+        assert scene.model.actuator_biasprm[row, :3].tolist() == [0, -kp, -kd]
+    hinges = list(scene.index.dof.values())
+    assert set(scene.model.dof_damping[hinges]) == {0.1}
+    assert set(scene.model.dof_frictionloss[hinges]) == {0.0}
+    assert scene.model.dof_damping[scene.model.joint("bag/swing_x").dofadr[0]] == 0.6
 
 
 @pytest.mark.parametrize("stiffness", [-0.1, 1.1, float("nan")])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from creative_nao.errors import SettingsError
-from creative_nao.robot import Renderer, can_draw, imagined_frames, ray_shapes
+from creative_nao.robot import Renderer, can_draw, imagined_frames
 from creative_nao.robot.software_rendering import SoftwareCanvas
 
 needs_gl = pytest.mark.skipif(not can_draw(), reason="this machine has no off-screen GL to compare with")
@@ -119,63 +119,20 @@ def test_a_closed_renderer_and_an_unknown_back_end_are_told(scene):
         Renderer(scene.model, 8, 8, backend="cpu")
 
 
-SIZE = np.array([0.3, 0.3, 0.7])
-
-
-@pytest.mark.parametrize("kind", ["ellipsoid", "cylinder", "capsule", "box"])
-def test_rays_meet_shapes_where_mujoco_says(kind):
-    """MuJoCo's own ray function, from all around and with rays that miss."""
-    size = {"capsule": "0.3 0.7", "cylinder": "0.3 0.7"}.get(kind, "0.3 0.3 0.7")
-    geom = f'<geom type="{kind}" size="{size}" contype="0" conaffinity="0" mass="1"/>'
-    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{geom}</worldbody></mujoco>")
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    rng = np.random.default_rng(0)
-    hits = 0
-    for eye in rng.normal(size=(20, 3)) * 2 + np.sign(rng.normal(size=(20, 3))):
-        rays = rng.normal(size=(20, 3)) * 0.3 - eye
-        found = ray_shapes.SHAPES[kind](eye, rays, SIZE)
-        which = np.zeros(1, dtype=np.int32)
-        wanted = np.array([mujoco.mj_ray(model, data, eye, ray, None, 1, -1, which, None) for ray in rays])
-        missed = wanted < 0
-        assert np.array_equal(missed, ~np.isfinite(found))
-        np.testing.assert_allclose(found[~missed], wanted[~missed], rtol=1e-9)
-        hits += (~missed).sum()
-    assert 100 < hits < 400
-
-
-@pytest.mark.parametrize("kind", ["ellipsoid", "cylinder", "capsule", "box"])
-def test_normals_stand_on_the_surface(kind):
-    """A normal is at right angles to the surface: three neighbouring hits span it."""
-    eye, rng = np.array([1.1, 1.7, 1.3]), np.random.default_rng(1)
-    targets = rng.uniform(-0.15, 0.15, (200, 3))
-    for ray in targets - eye:
-        across = np.cross(ray, [0.3, 0.5, 0.7])
-        rays = np.stack([ray, ray + 1e-5 * across, ray + 1e-5 * np.cross(ray, across)])
-        times = ray_shapes.SHAPES[kind](eye, rays, SIZE)
-        points = eye + times[:, None] * rays
-        normal = ray_shapes.normals(kind, points, SIZE)
-        if np.abs(normal[0] - normal[1]).max() > 0.01:
-            continue  # an edge lies between
-        found = np.cross(points[1] - points[0], points[2] - points[0])
-        assert abs(found @ normal[0]) / np.linalg.norm(found) > 0.999
-        assert normal[0] @ ray < 0
-
-
-def test_a_model_without_sky_and_shapes_one_can_see_through():
-    """A red pane, half transparent, before a green wall: the mean of both; beside it the wall alone."""
+def test_a_model_without_sky_and_without_materials():
+    """A red pane before a green wall, lit from everywhere; above the wall, nothing."""
     xml = """<mujoco><visual><headlight ambient="1 1 1" diffuse="0 0 0" specular="0 0 0"/></visual><worldbody>
-      <geom type="box" size="0.3 0.01 0.3" pos="0 1 0" rgba="1 0 0 0.5"/>
+      <geom type="box" size="0.3 0.01 0.3" pos="0 1 0" rgba="1 0 0 1"/>
       <geom type="box" size="3 0.01 1" pos="0 2 0" rgba="0 1 0 1"/>
       <camera name="eye" pos="0 0 0" xyaxes="1 0 0 0 0 1" fovy="60"/></worldbody></mujoco>"""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    scene, camera = mujoco.MjvScene(model, 10), mujoco.MjvCamera()
-    camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, 0
-    mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, camera, mujoco.mjtCatBit.mjCAT_ALL, scene)
-    picture = SoftwareCanvas(model, 40, 30).draw(scene)
+    canvas = SoftwareCanvas(model, 40, 30)
+    picture = canvas.draw(data, 0)
 
-    assert picture[15, 20].tolist() == [128, 128, 0]
+    assert picture[15, 20].tolist() == [255, 0, 0]
     assert picture[15, 3].tolist() == [0, 255, 0]
-    assert picture[0, 20].tolist() == [26, 31, 41]  # above the wall, nothing
+    assert picture[0, 20].tolist() == [31, 31, 31]
+    assert canvas.depth()[15, 20] == pytest.approx(0.99)
+    assert canvas.depth()[15, 3] == pytest.approx(1.99)

@@ -6,9 +6,9 @@ import pytest
 
 from creative_nao.errors import NotFoundError
 from creative_nao.joints import JOINTS, limits
-from creative_nao.robot import POSTURES, arm_angles, posture, tables
+from creative_nao.robot import POSTURES, arm_angles, posture
 from creative_nao.robot.performance import has_fallen, tilt_rad
-from creative_nao.robot.postures import leg_angles
+from creative_nao.robot.postures import THIGH_M, TIBIA_M, leg_angles
 
 
 @pytest.mark.parametrize("name", POSTURES)
@@ -38,10 +38,9 @@ def test_without_servos_it_falls(scene, data):
 
 
 @pytest.mark.parametrize("name", POSTURES)
-def test_postures_respect_the_joint_ranges(name):
-    ranges = {link.joint: link.range_rad for link in tables.links()}
+def test_postures_respect_the_joint_ranges(scene, name):
     for joint, angle in posture(name).items():
-        low, high = ranges[joint]
+        low, high = scene.model.joint(f"nao/{joint}").range
         assert low <= angle <= high, joint
 
 
@@ -50,15 +49,15 @@ def test_the_stance_has_flat_soles_and_one_foot_ahead(scene, data):
     left, right = (data.body(f"nao/{side}Foot") for side in "LR")
     for foot in (left, right):
         np.testing.assert_allclose(foot.xmat.reshape(3, 3), np.eye(3), atol=1e-9)
-        assert foot.xpos[2] == pytest.approx(tables.SOLE_BELOW_ANKLE_M, abs=1e-9)
+        assert foot.xpos[2] == pytest.approx(0.04519, abs=1e-9)
     assert left.xpos[0] - right.xpos[0] == pytest.approx(0.050, abs=1e-9)
 
 
 def test_leg_angles_reach_the_wanted_foot():
     angles = leg_angles("L", forward_m=0.03, height_m=0.18, spread_rad=0.0)
     hip, knee = angles["LHipPitch"], angles["LKneePitch"]
-    forward = -tables.THIGH_M * np.sin(hip) - tables.TIBIA_M * np.sin(hip + knee)
-    down = tables.THIGH_M * np.cos(hip) + tables.TIBIA_M * np.cos(hip + knee)
+    forward = -THIGH_M * np.sin(hip) - TIBIA_M * np.sin(hip + knee)
+    down = THIGH_M * np.cos(hip) + TIBIA_M * np.cos(hip + knee)
     assert (forward, down) == pytest.approx((0.03, 0.18), abs=1e-12)
     assert knee > 0
     assert hip + knee + angles["LAnklePitch"] == pytest.approx(0, abs=1e-12)
