@@ -48,7 +48,7 @@ def first_line(value: object) -> str:
     """Return the first sentence of a class's or function's docstring; for a constant, its type."""
     if inspect.ismodule(value) or inspect.isclass(value) or inspect.isroutine(value):
         return " ".join((inspect.getdoc(value) or "").split("\n\n")[0].split())
-    return f"Constant, `{type(value).__name__}`."
+    return f"Constant, `{'Path' if isinstance(value, Path) else type(value).__name__}`."
 
 
 def section(package: str) -> str:

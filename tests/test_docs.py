@@ -1,5 +1,6 @@
 """What the documents tell is true: their Python runs, their files exist, their commands are known."""
 
+import importlib.util
 import re
 import shlex
 import shutil
@@ -60,6 +61,10 @@ def test_commands_in_the_documents_have_known_options(words):
 @pytest.mark.parametrize("words", [*commands("python ")])
 def test_programs_in_the_documents_are_there_and_have_known_options(words):
     """Examples are run by tests/test_examples.py; benchmarks and page makers by those who publish their figures."""
+    if words[0] == "-m":
+        assert importlib.util.find_spec(words[1])
+        assert all((ROOT / word.partition("=")[2]).is_file() for word in words[2:])
+        return
     assert (ROOT / words[0]).is_file()
     source = (ROOT / words[0]).read_text(encoding="utf-8")
     for flag in (word for word in words if word.startswith("--")):
