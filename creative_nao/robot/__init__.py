@@ -1,4 +1,4 @@
-"""The NAO in MuJoCo, its ring and its bag, how it performs a trajectory and how it is filmed; it needs no neural network.
+"""The NAO in MuJoCo, its ring and its bag, how it performs a trajectory and how it is filmed; no network is needed.
 
 - Model files (MJCF): `NAO_XML`, `BAG_XML`, `RING_XML`, `SCENE_XML`
 - Robot: `Scene`, `bare_scene`, `Index`, `place`, `ServoSettings`, `Stiffness`, `POSTURES`, `posture`, `arm_angles`
