@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from creative_nao.evaluation.jobs import Job, plan
-from creative_nao.evaluation.runner import run_jobs
+from creative_nao.evaluation.runner import LocalExecutor
 from creative_nao.evaluation.suites import Suite, find_suite
 
 N_JOBS = 100_000
@@ -23,7 +23,7 @@ def seconds(job: Job) -> float:
     for _ in range(REPEATS):
         with tempfile.TemporaryDirectory() as folder:
             before = os.times()
-            run_jobs([job], Path(folder), n_workers=1)
+            LocalExecutor(1).run([job], Path(folder))
             after = os.times()
         found.append(sum(after[2:4]) - sum(before[2:4]))  # of children: the job's process
     return min(found)

@@ -1,41 +1,32 @@
-"""Jobs on a cluster: Dask distributed schedules them, this side keeps what is finished.
+"""Jobs on a cluster: Dask distributed schedules them, each runs in a process of its own on a worker.
 
-Also here:
-- What a worker of a cluster does: one job in a process of its own, in an empty folder, its files handed back.
+A worker does a job in an empty folder and hands its files back; this side keeps what is finished.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import os
-import subprocess
-import sys
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from creative_nao import __version__, storage
 from creative_nao.errors import MissingDependencyError, NotFoundError, SettingsError
-from creative_nao.evaluation.job_handlers import PARENT
-from creative_nao.evaluation.jobs import Job, job_from_plain, read_result, write_result, write_spec
-from creative_nao.evaluation.runner import ONE_THREAD, JobError, Progress
+from creative_nao.evaluation.jobs import Job, job_from_plain, read_result, write_result
+from creative_nao.evaluation.runner import USER_ERROR, JobError, JobQueue, Progress, start_process
 
-if TYPE_CHECKING:
-    from distributed import Client, Future
-
-
-MISTAKE = 2
-"""Exit code of a job that will fail the same way again."""
+CONNECT_S = 10.0
+N_RETRIES = 2
+"""How often a job whose process died is tried again; a worker that is lost counts separately, by Dask's own limit."""
 
 
 def do_job(values: dict[str, Any], files: dict[str, bytes]) -> dict[str, Any]:
-    """Do a job and return `result` with `files`, or `mistake` with what the job said.
+    """Do a job on a worker and return `result` with `files`, or `mistake` with what the job said.
 
     Args:
-        values: The job, as `dataclasses.asdict` tells it.
+        values: The job, as `dataclasses.asdict` gives it.
         files: Content of every file that the job reads, by its path in the run folder.
 
     Raises:
@@ -46,28 +37,15 @@ def do_job(values: dict[str, Any], files: dict[str, bytes]) -> dict[str, Any]:
         folder = Path(name)
         for path, content in files.items():
             storage.write_bytes(folder / path, content)
-        spec = write_spec(job, folder)
-        done = subprocess.run(  # noqa: S603 - our own module, our own file
-            [sys.executable, "-m", "creative_nao.evaluation.job_handlers", str(spec), str(folder)],
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            check=False,
-            env={**os.environ, **ONE_THREAD, PARENT: str(os.getpid())},
-        )
-        said = next(reversed(done.stderr.strip().splitlines()), "it said nothing")
-        if done.returncode == MISTAKE:
-            return {"mistake": said}
+        process = start_process(job, folder)
+        _, errors = process.communicate()
+        last = next(reversed(errors.decode("utf-8", "replace").strip().splitlines()), "it said nothing")
+        if process.returncode == USER_ERROR:
+            return {"mistake": last}
         result = read_result(job, folder)
-        if done.returncode != 0 or result is None:
-            raise RuntimeError(f"exit code {done.returncode}, {said}")
+        if process.returncode != 0 or result is None:
+            raise RuntimeError(f"exit code {process.returncode}, {last}")
         return {"result": result, "files": {path: (folder / path).read_bytes() for path in job.writes}}
-
-
-POLL_S = 0.2
-CONNECT_S = 10.0
-N_RETRIES = 2
-"""How often a job whose process died is tried again; a worker that is lost counts separately, by Dask's own limit."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +64,9 @@ class DaskExecutor:
         return 0
 
     def run(
-        self, jobs: Sequence[Job], folder: Path, on_progress: Callable[[Progress], None]
+        self, jobs: Sequence[Job], folder: Path, on_progress: Callable[[Progress], None] = lambda _: None
     ) -> dict[str, dict[str, Any]]:
-        """Do all jobs and return their results by name.
+        """Run all jobs and return their results by name.
 
         Raises:
             MissingDependencyError: If `distributed` is not installed.
@@ -111,90 +89,47 @@ class DaskExecutor:
             ) from None
         with client:
             _check_workers(client)
-            return _Run(client, tuple(jobs), folder, on_progress).work()
+            return _DaskQueue(client, jobs, folder, on_progress).run()
 
 
-class _Run:
-    """The state of one call of `DaskExecutor.run`."""
+class _DaskQueue(JobQueue):
+    """Submits every job whose needs are done: the scheduler knows how many run at a time."""
 
-    def __init__(
-        self, client: Client, jobs: tuple[Job, ...], folder: Path, on_progress: Callable[[Progress], None]
-    ) -> None:
-        self.client, self.jobs, self.folder, self.on_progress = client, jobs, folder, on_progress
-        self.results: dict[str, dict[str, Any]] = {}
-        self.failures: dict[str, str] = {}
-        self.futures: dict[str, Future] = {}
-        self.started = time.monotonic()
+    ahead = True
 
-    def work(self) -> dict[str, dict[str, Any]]:
-        for job in self.jobs:
-            if (result := read_result(job, self.folder)) is not None:
-                self.results[job.name] = result
-        self.n_before = sum(job.seconds for job in self.jobs if job.name in self.results)
-        try:
-            while True:
-                self._collect()
-                self._submit()
-                self.on_progress(self._progress())
-                if not self.futures:
-                    break
-                time.sleep(POLL_S)
-        finally:
-            self.client.cancel(list(self.futures.values()))
-        if self.failures:
-            name, reason = next(iter(self.failures.items()))
-            more = f" and {len(self.failures) - 1} more" if len(self.failures) > 1 else ""
-            raise JobError(f"job `{name}`{more} failed: {reason}; mend the cause and add --resume")
-        return self.results
+    def __init__(self, client: Any, jobs: Sequence[Job], folder: Path, on_progress: Callable[[Progress], None]):
+        super().__init__(jobs, folder, on_progress)
+        self.client = client
 
-    def _submit(self) -> None:
-        known = set(self.results) | set(self.failures) | set(self.futures)
-        for job in sorted(self.jobs, key=lambda job: -job.seconds):
-            if job.name in known or not set(job.needs) <= set(self.results):
-                continue
-            files = {path: (self.folder / path).read_bytes() for path in job.reads}
-            # `pure` would let the scheduler answer from another run's result of the same name.
-            self.futures[job.name] = self.client.submit(
-                do_job, dataclasses.asdict(job), files, pure=False, retries=N_RETRIES, priority=int(job.seconds)
-            )
+    def n_slots(self) -> int:
+        return sum(worker["nthreads"] for worker in self.client.scheduler_info(n_workers=-1)["workers"].values())
 
-    def _collect(self) -> None:
-        jobs = {job.name: job for job in self.jobs}
-        for name, future in [(name, future) for name, future in self.futures.items() if future.done()]:
-            del self.futures[name]
-            if future.status != "finished":
-                self.failures[name] = str(future.exception())
-                continue
-            found = future.result()
-            if "mistake" in found:
-                self.failures[name] = found["mistake"]
-                continue
-            for path, content in found["files"].items():
-                storage.write_bytes(self.folder / path, content)
-            # The result last: a job that has one is never done again, so its files must be there.
-            write_result(jobs[name], self.folder, found["result"])
-            self.results[name] = found["result"]
-
-    def _progress(self) -> Progress:
-        total = sum(job.seconds for job in self.jobs)
-        done = sum(job.seconds for job in self.jobs if job.name in self.results)
-        n_threads = sum(worker["nthreads"] for worker in self.client.scheduler_info(n_workers=-1)["workers"].values())
-        elapsed = time.monotonic() - self.started
-        speed = (done - self.n_before + 10.0 * max(1, n_threads)) / (elapsed + 10.0)
-        titles = tuple(job.title for job in self.jobs if job.name in self.futures)
-        return Progress(
-            n_done=len(self.results),
-            n_total=len(self.jobs),
-            share=done / total,
-            running=titles[: max(1, n_threads)],
-            seconds_left=(total - done) / speed,
+    def submit(self, job: Job) -> Any:
+        files = {path: (self.folder / path).read_bytes() for path in job.reads}
+        # `pure` would let the scheduler answer from another run's result of the same name.
+        return self.client.submit(
+            do_job, dataclasses.asdict(job), files, pure=False, retries=N_RETRIES, priority=int(job.seconds)
         )
 
+    def result(self, job: Job, future: Any) -> dict[str, Any]:
+        if future.status != "finished":
+            raise JobError(str(future.exception()))
+        done = future.result()
+        if "mistake" in done:
+            raise JobError(done["mistake"])
+        for path, content in done["files"].items():
+            storage.write_bytes(self.folder / path, content)
+        # The result last: a job that has one is never done again, so its files must be there.
+        write_result(job, self.folder, done["result"])
+        return done["result"]
 
-def _check_workers(client: Client) -> None:
+    def stop(self) -> None:
+        self.client.cancel(list(self.futures.values()))
+
+
+def _check_workers(client: Any) -> None:
     """Results of two versions must not be mixed: every worker should have this one."""
-    found: Any = client.run(package_version)  # a coroutine only for asynchronous clients
-    for address, version in found.items():
+    for address, version in client.run(package_version).items():
         if version != __version__:
             raise SettingsError(
                 f"worker {address} should have creative-nao {__version__}, as here, but has {version}; "

@@ -25,7 +25,7 @@ from creative_nao.agents.ppo import settings_from, train_ppo
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import CreativeNaoError
-from creative_nao.evaluation.jobs import Job, read_spec, write_result
+from creative_nao.evaluation.jobs import PARENT, Job, read_spec, write_result
 from creative_nao.evaluation.protocol import episode_to_json, play
 from creative_nao.evaluation.resolve_agents import make_entrant
 from creative_nao.maps import PBMap, pb_map
@@ -175,8 +175,6 @@ WORK: dict[str, Callable[[dict[str, Any], Path, Report], dict[str, Any]]] = {
 
 
 REPORT_EVERY_S = 0.5
-PARENT = "CREATIVE_NAO_RUNNER"
-"""Environment variable with the process number of the runner."""
 
 
 def main(arguments: list[str]) -> int:

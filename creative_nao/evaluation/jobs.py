@@ -21,6 +21,8 @@ from creative_nao.storage import as_json, read_text
 
 T = TypeVar("T")
 
+PARENT = "CREATIVE_NAO_RUNNER"
+"""Environment variable with the process number of the runner, without which a job's process ends."""
 STARTING_S = 4.0
 """Expected seconds until a job's process has loaded physics and network."""
 

@@ -1,22 +1,18 @@
-"""An evaluation from a suite to its run folder: jobs, results, table, figures, report.
-
-Also here:
-- A run folder: what makes it new, what makes it possible to continue it, and the record `run.json` that it carries.
-"""
+"""A run folder and its record `run.json`; `evaluate` fills one from a suite: jobs, results, table, figures, report."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from creative_nao import storage
+from creative_nao import schema, storage
 from creative_nao.agents.bundle import find_bundle
-from creative_nao.errors import NotFoundError, SettingsError
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan
 from creative_nao.evaluation.protocol import write_episodes
 from creative_nao.evaluation.resolve_agents import in_bundle
@@ -24,23 +20,40 @@ from creative_nao.evaluation.results import Measured, collect, make_results, nam
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import Suite
 from creative_nao.evaluation.tables import markdown_table
-from creative_nao.fields import Fields
 from creative_nao.model.memory import PRETRAINED, shipped_memories
 from creative_nao.runtime import record, sha256
+from creative_nao.schema import Field, JsonObject, LongText, NonNegative, Sha256, Versions
 from creative_nao.storage import as_json, read_text
 
 RECORD = "run.json"
 
 
+@schema.record(closed=False)
+class RunRecord:
+    """What `run.json` holds: how a run was made. Some fields are written when it is finished."""
+
+    command: LongText
+    settings: JsonObject
+    versions: Versions
+    memories: Annotated[dict[str, Sha256], Field(max_length=schema.MAX_KEYS)] = dataclasses.field(default_factory=dict)
+    """SHA-256 of the files that the run reads; bundles and demonstrations too."""
+    seconds: NonNegative = 0.0
+
+
 def open_folder(
-    folder: Path, suite: Suite, *, base_seed: int, resume: bool, command: str | None = None
+    folder: Path,
+    settings: Mapping[str, Any],
+    *,
+    inputs: Mapping[str, str] | None = None,
+    resume: bool = False,
+    command: str | None = None,
 ) -> dict[str, Any]:
     """Make a run folder, or open the one to be continued, and return its record.
 
     Args:
         folder: The run folder.
-        suite: What is evaluated there.
-        base_seed: Seed of the whole evaluation.
+        settings: Everything that decides the results, as plain values; `settings["suite"]["name"]` names the run.
+        inputs: SHA-256 of each file that the run reads.
         resume: Continue what is there.
         command: How to type the run again; the running command unless given.
 
@@ -49,28 +62,44 @@ def open_folder(
         NotFoundError: If there is nothing to resume.
         FileFormatError: If the record is damaged.
     """
-    settings = json.loads(json.dumps({"suite": dataclasses.asdict(suite), "seed": base_seed}))
-    # "memories" is the name in the records published so far; bundles and demonstrations came to it later.
-    fresh = {**record(settings=settings, command=command), "memories": input_hashes(suite)}
-    path = folder / RECORD
+    fresh = record(settings=dict(settings), command=command)
+    if inputs is not None:
+        fresh["memories"] = dict(inputs)
+    filled = folder.exists() and (not folder.is_dir() or any(folder.iterdir()))
     if not resume:
-        if _holds_something(folder):
+        if filled:
             raise SettingsError(
                 f"`--out` {folder} exists and is not empty; add --resume to continue it, or choose another folder"
             )
         write_record(folder, fresh)
         return fresh
-    if not path.is_file():
-        way = "choose another folder" if _holds_something(folder) else "leave out --resume to start there"
+    if not (folder / RECORD).is_file():
+        way = "choose another folder" if filled else "leave out --resume to start there"
         raise NotFoundError(f"nothing to resume in {folder}: it has no {RECORD}; {way}")
     found = read_record(folder)
     refuse_links(folder)
-    _same_run(folder, found, fresh)
+    if difference := _difference(found, fresh):
+        raise SettingsError(f"{folder} {difference}; choose another folder")
     return found
 
 
-def _holds_something(folder: Path) -> bool:
-    return folder.exists() and (not folder.is_dir() or any(folder.iterdir()))
+def _difference(found: dict[str, Any], fresh: dict[str, Any]) -> str | None:
+    """Return in which way two records are of different runs, or None."""
+    had, wanted = found["settings"], fresh["settings"]
+    if (name := had.get("suite", {}).get("name")) != wanted["suite"]["name"]:
+        return f"holds suite `{name}`, not `{wanted['suite']['name']}`"
+    if changed := sorted(key for key in wanted["suite"] if had["suite"].get(key) != wanted["suite"][key]):
+        return f"was started with other settings of suite `{name}` ({', '.join(changed)})"
+    for key in wanted:
+        if had.get(key) != wanted[key] and key != "suite":
+            return f"was started with {key} {had.get(key)}, not {wanted[key]}"
+    for name, digest in fresh.get("memories", {}).items():
+        if found.get("memories", {}).get(name) != digest:
+            return f"was started with another file {name}, which has changed since"
+    for package, version in fresh["versions"].items():
+        if (before := found["versions"].get(package)) != version:
+            return f"was started with {package} {before}, now it is {version}: results of two versions would be mixed"
+    return None
 
 
 def refuse_links(folder: Path) -> None:
@@ -84,7 +113,7 @@ def refuse_links(folder: Path) -> None:
 
 
 def read_record(folder: Path) -> dict[str, Any]:
-    """Return the record of a run folder.
+    """Return the record of a run folder as plain values, after checking them.
 
     Raises:
         NotFoundError: If there is none.
@@ -92,17 +121,9 @@ def read_record(folder: Path) -> dict[str, Any]:
     """
     path = folder / RECORD
     values = as_json(read_text(path, "record of a run"), f"record {path}")
-    found = Fields(values, f"record {path}")
-    found.text("command", longest=20_000)
-    settings, versions = found.object("settings"), found.object("versions")
-    for name in versions.values:
-        versions.text(name)
-    if "suite" in settings:
-        settings.object("suite")
-    if "memories" in found:
-        found.object("memories")
-    if "seconds" in found:
-        found.number("seconds", least=0.0)
+    schema.parse(RunRecord, values, f"record {path}")
+    if not isinstance(values["settings"].get("suite", {}), dict):
+        raise FileFormatError(f"record {path}: `settings`: `suite` should be a JSON object")
     return values
 
 
@@ -131,34 +152,6 @@ def hashes(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of every result in a run folder; the jobs' own files and the record are left out."""
     found = sorted(path for path in folder.rglob("*") if path.is_file() and path.relative_to(folder).parts[0] != "jobs")
     return {str(path.relative_to(folder)): sha256(path) for path in found if path.name != RECORD}
-
-
-def _same_run(folder: Path, found: dict[str, Any], fresh: dict[str, Any]) -> None:
-    had, wanted = found["settings"], fresh["settings"]
-    if had.get("suite", {}).get("name") != wanted["suite"]["name"]:
-        raise SettingsError(
-            f"{folder} holds suite `{had.get('suite', {}).get('name')}`, not `{wanted['suite']['name']}`; "
-            "choose another folder"
-        )
-    if had.get("seed") != wanted["seed"]:
-        raise SettingsError(f"{folder} was started with --seed {had.get('seed')}, not {wanted['seed']}")
-    if had != wanted:
-        changed = sorted(key for key in wanted["suite"] if had["suite"].get(key) != wanted["suite"][key])
-        raise SettingsError(
-            f"{folder} was started with other settings of suite `{wanted['suite']['name']}` ({', '.join(changed)}); "
-            "choose another folder"
-        )
-    for name, digest in fresh["memories"].items():
-        if found.get("memories", {}).get(name) != digest:
-            raise SettingsError(
-                f"{folder} was started with another file {name}, which has changed since; choose another folder"
-            )
-    for package, version in fresh["versions"].items():
-        if found["versions"].get(package) != version:
-            raise SettingsError(
-                f"{folder} was started with {package} {found['versions'].get(package)}, now it is {version}: "
-                "results of two versions would be mixed; choose another folder"
-            )
 
 
 @dataclass(frozen=True)
@@ -201,7 +194,8 @@ def evaluate(
         KeyboardInterrupt: After Ctrl-C; finished jobs stay and can be resumed.
     """
     jobs = plan(suite, base_seed=seed)
-    record = open_folder(folder, suite, base_seed=seed, resume=resume, command=command)
+    settings = {"suite": dataclasses.asdict(suite), "seed": seed}
+    record = open_folder(folder, settings, inputs=input_hashes(suite), resume=resume, command=command)
     executor = LocalExecutor.on_all_cores() if executor is None else executor
     start = time.monotonic()
     done = executor.run(jobs, folder, on_progress)

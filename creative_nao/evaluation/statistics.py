@@ -10,11 +10,12 @@ the range of the runs.
 from __future__ import annotations
 
 import math
-import statistics
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr, stdtrit
 
 from creative_nao.errors import ShapeError
 
@@ -39,6 +40,15 @@ class Estimate:
     low: float | None
     high: float | None
     n_runs: int
+
+
+def seed_sequence(*parts: int | str) -> np.random.SeedSequence:
+    """Return the seeds of one purpose of an evaluation; text counts by its CRC-32, so that a name is a seed.
+
+    Example:
+        >>> rng = np.random.default_rng(seed_sequence(0, "ppo", "reward"))
+    """
+    return np.random.SeedSequence([zlib.crc32(part.encode()) if isinstance(part, str) else part for part in parts])
 
 
 def mean(values: np.ndarray) -> np.ndarray:
@@ -92,7 +102,7 @@ def estimate(
     value = float(statistic(values))
     if n_runs == 1:
         return Estimate(value, None, None, 1)
-    return _interval(value, statistic(resample(values, n_resamples, rng)), n_runs, level)
+    return _with_interval(value, statistic(resample(values, n_resamples, rng)), n_runs, level)
 
 
 def compare(
@@ -125,7 +135,7 @@ def compare(
     if n_runs == 1:
         return Estimate(value, None, None, 1)
     samples = probability_of_improvement(resample(ours, n_resamples, rng), resample(theirs, n_resamples, rng))
-    return _interval(value, samples, n_runs, level)
+    return _with_interval(value, samples, n_runs, level)
 
 
 def probability_of_improvement(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
@@ -171,7 +181,7 @@ def estimate_over_tasks(
         return Estimate(value, None, None, 1)
     tasks = rng.integers(n_tasks, size=(n_resamples, 1, n_tasks))
     runs = rng.integers(n_runs, size=(n_resamples, n_runs, n_tasks))
-    return _interval(value, mean(values[runs, tasks]), n_tasks, level)
+    return _with_interval(value, mean(values[runs, tasks]), n_tasks, level)
 
 
 def performance_profile(values: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
@@ -201,11 +211,23 @@ def profile_band(
     return low, high
 
 
-def _interval(value: float, samples: np.ndarray, n_runs: int, level: float) -> Estimate:
+def bootstrap_interval(samples: np.ndarray, n_runs: int, level: float = LEVEL) -> tuple[float, float]:
+    """Return the expanded percentile interval of bootstrap samples.
+
+    Args:
+        samples: Shape (n_resamples,): the statistic of each bootstrap sample.
+        n_runs: How many runs each sample was drawn from, at least 2.
+        level: Share of cases in which the interval should hold the truth.
+    """
     tail = expanded_tail(n_runs, level)
     low, high = np.quantile(samples, [tail, 1.0 - tail])
+    return float(low), float(high)
+
+
+def _with_interval(value: float, samples: np.ndarray, n_runs: int, level: float) -> Estimate:
+    low, high = bootstrap_interval(samples, n_runs, level)
     # Of equal runs the mean is rounded differently from sample to sample; an interval holds its own figure.
-    return Estimate(value, min(float(low), value), max(float(high), value), n_runs)
+    return Estimate(value, min(low, value), max(high, value), n_runs)
 
 
 def resample(values: np.ndarray, n_resamples: int, rng: np.random.Generator) -> np.ndarray:
@@ -227,35 +249,28 @@ def resample(values: np.ndarray, n_resamples: int, rng: np.random.Generator) -> 
 def expanded_tail(n_runs: int, level: float = LEVEL) -> float:
     """Return the share of bootstrap samples to leave out at either end, so that n_runs runs are enough for `level`."""
     upper = 0.5 + level / 2.0
-    stretched = math.sqrt(n_runs / (n_runs - 1)) * student_quantile(upper, n_runs - 1)
-    return statistics.NormalDist().cdf(-stretched)
+    return float(ndtr(-math.sqrt(n_runs / (n_runs - 1)) * student_quantile(upper, n_runs - 1)))
 
 
-def student_quantile(probability: float, degrees: int) -> float:
-    """Return the quantile of Student's t distribution for whole degrees of freedom, for probabilities above a half.
+def student_quantile(probability: float, degrees: float) -> float:
+    """Return the quantile of Student's t distribution.
 
     Example:
         >>> round(student_quantile(0.975, 4), 3)
         2.776
     """
-    low, high = 0.0, 1.0
-    while _student_cdf(high, degrees) < probability:
-        high *= 2.0
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if _student_cdf(middle, degrees) < probability else (low, middle)
-    return 0.5 * (low + high)
+    return float(stdtrit(degrees, probability))
 
 
-def _student_cdf(t: float, degrees: int) -> float:
-    """Return P(T <= t) for t >= 0, by the finite sums of Abramowitz and Stegun 26.7.3 and 26.7.4."""
-    angle = math.atan(t / math.sqrt(degrees))
-    cos2, term = math.cos(angle) ** 2, 1.0
-    first = 1 if degrees % 2 == 0 else 2
-    total = 1.0 if degrees > 1 else 0.0
-    for k in range(first, degrees - 2, 2):
-        term *= cos2 * k / (k + 1)
-        total += term
-    if degrees % 2 == 0:
-        return 0.5 + 0.5 * math.sin(angle) * total
-    return 0.5 + (angle + math.sin(angle) * math.cos(angle) * total) / math.pi
+def wilson_interval(n_yes: int, n: int, level: float = LEVEL) -> tuple[float, float]:
+    """Return Wilson's interval of a share (1927): honest for few cases and for shares near 0 and 1.
+
+    Example:
+        >>> low, high = wilson_interval(10, 10)
+        >>> round(low, 3), high
+        (0.722, 1.0)
+    """
+    from scipy.stats import binomtest  # half a second to load, and seldom wanted
+
+    found = binomtest(n_yes, n).proportion_ci(level, method="wilson")
+    return float(found.low), float(found.high)

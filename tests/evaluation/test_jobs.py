@@ -11,7 +11,7 @@ import pytest
 
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import Job, plan, read_result, read_spec, write_result, write_spec
-from creative_nao.evaluation.runner import JobError, run_jobs
+from creative_nao.evaluation.runner import JobError, LocalExecutor
 from creative_nao.evaluation.suites import find_suite, shipped_suites
 
 SUITES = shipped_suites()
@@ -88,13 +88,13 @@ def test_a_result_counts_only_for_its_own_spec(tmp_path):
 def test_a_finished_job_is_not_done_again(tmp_path, in_workers):
     job = play_job()
     write_result(job, tmp_path, {"episodes": "done before"})
-    assert run_jobs([job], tmp_path, n_workers=1) == {job.name: {"episodes": "done before"}}
+    assert LocalExecutor(1).run([job], tmp_path) == {job.name: {"episodes": "done before"}}
     assert not job.log_path(tmp_path).exists()  # no process was started
 
 
 def test_progress_ends_with_all_done(tmp_path, in_workers):
     seen = []
-    run_jobs([play_job()], tmp_path, n_workers=1, on_progress=seen.append)
+    LocalExecutor(1).run([play_job()], tmp_path, on_progress=seen.append)
     assert seen[0].running == ("judge",)
     assert (seen[-1].n_done, seen[-1].n_total, seen[-1].share, seen[-1].running) == (1, 1, 1.0, ())
     assert all(progress.seconds_left >= 0.0 for progress in seen)
@@ -107,7 +107,7 @@ def test_a_killed_worker_s_job_is_tried_again(tmp_path, in_workers, monkeypatch)
     mark = tmp_path / "died"
     monkeypatch.setenv("FAKE_DEATH_MARK", str(mark))
     job = play_job(**DEADLY)
-    results = run_jobs([job], tmp_path, n_workers=1)
+    results = LocalExecutor(1).run([job], tmp_path)
     assert mark.exists()
     assert len(results[job.name]["episodes"]) == 1
 
@@ -115,14 +115,14 @@ def test_a_killed_worker_s_job_is_tried_again(tmp_path, in_workers, monkeypatch)
 def test_a_job_that_is_killed_every_time_is_named_and_the_others_are_finished(tmp_path, in_workers):
     doomed, other = play_job(seeds=(0,), **DEADLY), play_job(seeds=(1,))
     with pytest.raises(JobError, match=rf"job `{doomed.name}` failed: 2 attempts, killed by signal 9, .*add --resume"):
-        run_jobs([doomed, other], tmp_path, n_workers=1, n_attempts=2)
+        LocalExecutor(1, n_attempts=2).run([doomed, other], tmp_path)
     assert read_result(other, tmp_path) is not None
 
 
 def test_a_user_s_mistake_is_told_in_the_job_s_own_words_and_not_tried_again(tmp_path, in_workers):
     job = play_job(agent="randon")
     with pytest.raises(JobError, match=r"job `play-randon-0` failed: no agent `randon` \(did you mean `random`\?\)"):
-        run_jobs([job], tmp_path, n_workers=1)
+        LocalExecutor(1).run([job], tmp_path)
     assert job.log_path(tmp_path).read_text().count("no agent") == 1
 
 
@@ -135,7 +135,7 @@ def test_ctrl_c_stops_the_workers_and_keeps_what_is_finished(tmp_path, in_worker
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_jobs([first, second], tmp_path, n_workers=1, on_progress=interrupt)
+        LocalExecutor(1).run([first, second], tmp_path, on_progress=interrupt)
     time.sleep(1.0)  # a worker still alive would report again
     assert not second.progress_path(tmp_path).exists()
     assert [read_result(job, tmp_path) is not None for job in (first, second)] == [True, False]
@@ -173,4 +173,4 @@ def _alive(number):
 
 def test_no_workers_is_a_mistake(tmp_path):
     with pytest.raises(SettingsError, match="`n_workers` should be at least 1, but is 0"):
-        run_jobs([], tmp_path, n_workers=0)
+        LocalExecutor(0).run([], tmp_path)

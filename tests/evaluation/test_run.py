@@ -10,8 +10,8 @@ import pytest
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan
 from creative_nao.evaluation.results import MEASURED, collect, read_results
-from creative_nao.evaluation.run import evaluate, open_folder
-from creative_nao.evaluation.runner import LocalExecutor, run_jobs
+from creative_nao.evaluation.run import evaluate, input_hashes, open_folder
+from creative_nao.evaluation.runner import LocalExecutor
 from creative_nao.evaluation.tables import MEASURED_COLUMNS, figure, markdown_table
 
 
@@ -88,7 +88,7 @@ def test_the_record_makes_the_run_repeatable(finished):
 
 def episodes_of(suite, folder, seed, n_workers):
     jobs = plan(suite, base_seed=seed)
-    done = run_jobs(jobs, folder, n_workers=n_workers)
+    done = LocalExecutor(n_workers).run(jobs, folder)
     measured = collect(suite, [{"kind": job.kind, "spec": job.spec, "result": done[job.name]} for job in jobs])
     return [dataclasses.replace(episode, seconds=0.0) for episode in measured.episodes]
 
@@ -145,7 +145,7 @@ def test_nothing_to_resume_is_said(make_suite, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "seed", "text"),
     [
-        ({}, 4, r"was started with --seed 3, not 4"),
+        ({}, 4, r"was started with seed 3, not 4"),
         ({"name": "other"}, 3, r"holds suite `fake`, not `other`; choose another folder"),
         ({"n_seeds": 5}, 3, r"was started with other settings of suite `fake` \(n_seeds\)"),
     ],
@@ -169,11 +169,16 @@ def test_a_memory_that_changed_is_not_mixed_with_itself(make_suite, tmp_path):
     memory = tmp_path / "memory.safetensors"
     memory.write_bytes(b"one")
     suite = make_suite(memories=(str(memory),))
-    open_folder(tmp_path / "run", suite, base_seed=0, resume=False)
-    open_folder(tmp_path / "run", suite, base_seed=0, resume=True)
+
+    def open_again(resume=True):
+        settings = {"suite": dataclasses.asdict(suite), "seed": 0}
+        open_folder(tmp_path / "run", settings, inputs=input_hashes(suite), resume=resume)
+
+    open_again(resume=False)
+    open_again()
     memory.write_bytes(b"two")
     with pytest.raises(SettingsError, match=r"was started with another file .*, which has changed since"):
-        open_folder(tmp_path / "run", suite, base_seed=0, resume=True)
+        open_again()
 
 
 def test_a_torn_record_is_named(finished, make_suite, tmp_path):

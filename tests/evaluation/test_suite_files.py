@@ -11,7 +11,7 @@ from creative_nao.agents.registry import UNTRAINED
 from creative_nao.demonstrations import load_demonstrations, save_demonstrations
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan
-from creative_nao.evaluation.runner import run_jobs
+from creative_nao.evaluation.runner import LocalExecutor
 from creative_nao.evaluation.suites import SUITE_NAMES, Taught, find_suite, shipped_suites, suite_from_values
 from creative_nao.model import load_memory, split_memories
 
@@ -133,7 +133,7 @@ def test_a_memory_of_a_user_s_recordings_is_trained_in_the_run_folder(tmp_path):
     taught = Taught(seeds=(3,), demonstrations=str(recordings), n_epochs=50)
     suite = dataclasses.replace(find_suite("transfer"), taught=taught, memories=taught.names)
     job = next(job for job in plan(suite, base_seed=0) if job.kind == "teach")
-    done = run_jobs([job], tmp_path, n_workers=1)[job.name]
+    done = LocalExecutor(1).run([job], tmp_path)[job.name]
     memory = load_memory(tmp_path / job.writes[0])
     assert done["memory"] == "taught/3"
     assert done["loss"] == min(memory.loss_history)

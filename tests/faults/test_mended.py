@@ -12,7 +12,6 @@ from creative_nao.evaluation import job_handlers as worker
 from creative_nao.evaluation.job_handlers import WORK
 from creative_nao.evaluation.jobs import Job, write_spec
 from creative_nao.evaluation.run import open_folder
-from creative_nao.evaluation.suites import find_suite
 from creative_nao.explorer.state import Favourite, Session
 from creative_nao.model import NetworkSettings, TrainingSettings, checkpoint_of, train_many
 
@@ -31,7 +30,7 @@ def test_a_worker_tells_of_a_full_disk_as_of_a_user_s_mistake(tmp_path, monkeypa
 def test_a_folder_without_record_is_not_recommended_in_circles(tmp_path):
     (tmp_path / "mine.txt").touch()
     with pytest.raises(NotFoundError, match=r"it has no run.json; choose another folder"):
-        open_folder(tmp_path, find_suite("quick"), base_seed=0, resume=True)
+        open_folder(tmp_path, {"suite": {"name": "quick"}}, resume=True)
 
 
 def test_two_explorers_of_one_file_lose_no_favourite(tmp_path):
