@@ -22,9 +22,9 @@ import torch
 
 from creative_nao import load_demonstrations
 from creative_nao.model.config import NetworkSettings, TrainingSettings
-from creative_nao.model.memory import encoding_of
+from creative_nao.model.encoding import encoding_of, target_codes
 from creative_nao.model.network import PBMTRNN, kl_divergence
-from creative_nao.model.training import TrainingState, make_engine, target_codes
+from creative_nao.model.training import TrainingState, make_engine
 
 NETWORK = NetworkSettings()
 N_EPOCHS = 100_000  # of one network, as in the paper
@@ -32,7 +32,7 @@ N_EPOCHS = 100_000  # of one network, as in the paper
 
 def task() -> tuple[np.ndarray, np.ndarray]:
     demonstrations = load_demonstrations()
-    return target_codes(demonstrations.trajectories, encoding_of(demonstrations, NETWORK).encode)
+    return target_codes(encoding_of(demonstrations, NETWORK), demonstrations.trajectories)
 
 
 def compiled_epochs(codes: np.ndarray, lengths: np.ndarray, ratio: float):

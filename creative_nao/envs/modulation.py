@@ -19,8 +19,8 @@ from creative_nao.envs.state import OF_THE_NETWORK, EnvState
 from creative_nao.envs.vector_env import RepertoireVectorEnv
 from creative_nao.errors import SettingsError
 from creative_nao.measures import Criteria
+from creative_nao.model.generation import ClosedLoopGenerator, Rollout
 from creative_nao.model.memory import Memory
-from creative_nao.model.stepping import Stepper, Unfolding
 from creative_nao.robot import PhysicalLimits
 
 DECISION_TICKS = 5
@@ -54,17 +54,13 @@ class Movements:
         self._pb = np.zeros((n_robots, self.n_decisions, facts.n_pb))
         encoding = facts.memory.encoding
         self._low, self._high = encoding.references[:, 0], encoding.references[:, -1]
-        self._steppers: dict[int, Stepper] = {}
-        self._under_way: list[Unfolding] = [self._stepper(robot).begin(1) for robot in range(n_robots)]
+        self._under_way: list[Rollout] = [self._generator(robot).begin(1) for robot in range(n_robots)]
         self._posture = np.zeros((n_robots, n_joints))
         for robot in range(n_robots):
             self.begin(robot)
 
-    def _stepper(self, robot: int) -> Stepper:
-        memory = self._episodes.facts[robot].memory
-        if id(memory) not in self._steppers:
-            self._steppers[id(memory)] = Stepper(memory)
-        return self._steppers[id(memory)]
+    def _generator(self, robot: int) -> ClosedLoopGenerator:
+        return self._episodes.facts[robot].memory.generator
 
     def begin(self, robot: int) -> None:
         """Begin a robot's episode: it stands in its initial posture, and its observation tells so."""
@@ -75,7 +71,7 @@ class Movements:
     def next(self, robot: int) -> None:
         """Begin a robot's next movement: nothing of it has unfolded, the network is at rest."""
         self.n_decided[robot] = 0
-        self._under_way[robot] = self._stepper(robot).begin(1)
+        self._under_way[robot] = self._generator(robot).begin(1)
 
     def advance(self, robots: np.ndarray, pb: np.ndarray) -> None:
         """Let the movements of these robots unfold until their next decision, under PB vectors (m, n_pb)."""
@@ -83,7 +79,7 @@ class Movements:
             under_way, decided = self._under_way[robot], self.n_decided[robot]
             first = under_way.tick
             n_ticks = min(DECISION_TICKS, self._n_steps - first)
-            angles = self._stepper(robot).advance(under_way, point[None], n_ticks)[0]
+            angles = self._generator(robot).advance(under_way, point[None], n_ticks)[0]
             self._angles[robot, first : first + n_ticks] = angles
             self._posture[robot] = angles[-1]
             self._pb[robot, decided] = point
@@ -125,7 +121,7 @@ class Movements:
         observer = self._episodes.observer
         share = 2.0 * (self._posture[robots] - self._low) / (self._high - self._low) - 1.0
         observer.put(robots, "posture", np.clip(share, -1.0, 1.0))
-        n_slow = self._stepper(0).n_slow
+        n_slow = self._generator(0).n_slow
         slow = np.concatenate([self._under_way[robot].activity[:, -n_slow:] for robot in robots])
         observer.put(robots, "slow", np.clip(slow, -1.0, 1.0))
         observer.put(robots, "phase", self.n_decided[robots] / self.n_decisions)
@@ -156,20 +152,17 @@ class Movements:
                 f"`state`: its `n_decided` should be below {self.n_decisions}, its `tick` {DECISION_TICKS} times that, "
                 f"but they are {decided} and {tick}"
             )
-        rest = self._stepper(robot).begin(1)
+        rest = self._generator(robot).begin(1)
         for name, array in zip(OF_THE_NETWORK, (rest.code, rest.state, rest.activity), strict=True):
             if arrays[name].shape != array.shape:
                 raise SettingsError(
                     f"`state`: its array `{name}` should have shape {array.shape}, but has {arrays[name].shape}"
                 )
         self.n_decided[robot] = decided
-        self._under_way[robot] = Unfolding(tick, *(arrays[name].copy() for name in OF_THE_NETWORK))
+        self._under_way[robot] = Rollout(tick, *(arrays[name].copy() for name in OF_THE_NETWORK))
         self._angles[robot] = arrays["unfolded"]
         self._pb[robot] = arrays["pb_path"]
         self._posture[robot] = arrays["posture"]
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_steppers": {}}  # they are found by the identity of a memory, which a copy has not
 
 
 class BoxingModulationEnv(RepertoireEnv):

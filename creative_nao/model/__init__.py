@@ -1,20 +1,17 @@
 """The memory: a PB-MTRNN (Hwang & Tani 2018) that learns a handful of actions and imagines others.
 
-Using: `load_memory`, `shipped_memories`, `Memory`; `Recognition` (`recognition`, what `Memory.infer_pb` finds);
-`walk`, `Walk` (`paths`, movements along a line through the PB space).
-Making: `train`, `train_network`, `NetworkSettings`, `TrainingSettings`.
+Using: `load_memory`, `shipped_memories`, `Memory`; `Recognition` (what `Memory.infer_pb` returns); `walk`, `Walk`
+(movements along a line through the PB space).
+Training: `train`, `train_many`, `train_network`, `NetworkSettings`, `TrainingSettings`.
 Inside, in reading order:
 
-- Network: `config` (settings), `encoding` (Eq. 6, 7), `parameters` (the numbers that are learned), `mtrnn` (Eq. 1-3, 5,
-  in torch, written to be read), `loss` (Eq. 4).
-- Training: `campaign` (many networks), `training` (one, with checkpoints), `schedule`, `targets`, `engine` (compiled or
-  readable), `checkpoint`; compiled: `compiled_network`, `fused` (the epoch), `layout` (where its numbers lie),
-  `product` (its matrix product); `autograd` (its gradient for torch).
-- Generation: `memory`, `generation`, compiled: `lanes`; `stepping` (stopped between ticks), `paths` (a PB that moves).
-- Recognition: `recognition`, `slopes`, compiled: `recognition_kernel`; `error_regression` (the descents).
-- What compiled code shares: `kernels` (exp, tanh, log), `sums`, `vectors` (SIMD).
+- Network: `config` (settings and parameters), `encoding` (Eq. 6, 7), `network` (Eq. 1-5 in torch, the reference).
+- Training: `training` (one network, with checkpoints), `multi_seed` (many), `compiled_training` (an epoch, compiled).
+- Generation: `memory`, `generation` (in closed loop, at once or a few ticks at a time), `compiled_generation`.
+- Recognition: `recognition` (error regression, with derivatives from `compiled_generation`).
+- What compiled code shares: `matmul` (the matrix product), `simd` (vectors; exp, tanh, log).
 
-torch is loaded by the reference network only, not by using or training a memory with the compiled engine.
+torch is loaded by the reference network only, numba by the first compiled computation.
 """
 
 from creative_nao.model.config import NetworkSettings, TrainingSettings
@@ -22,14 +19,15 @@ from creative_nao.model.memory import (
     CONDITIONS,
     SPLITS,
     Memory,
+    Walk,
     load_memory,
     shipped_memories,
     shipped_scores,
     split_memories,
     split_of,
+    walk,
 )
 from creative_nao.model.multi_seed import Trained, checkpoint_of, reproduction, train, train_many
-from creative_nao.model.paths import Walk, walk
 from creative_nao.model.recognition import Recognition
 from creative_nao.model.training import train_network
 

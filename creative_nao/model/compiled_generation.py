@@ -1,7 +1,11 @@
-"""The compiled heart of generation: one block of PB points in lanes, closed loop, tick by tick.
+"""Compiled closed-loop generation (Eq. 1-3, 5 at ratio 1, 7), of a batch of PB points or of single ones.
 
-Every sum goes through its senders in ascending order, one multiply-add after the other, here and wherever else points
-are computed: that is what makes results equal to the last bit.
+A batch uses SIMD over its points, a single point over the postsynaptic units. Every weighted sum adds its inputs in
+ascending order, one multiply-add after the other, in both: a point has the same bits in each of them and in any batch.
+
+A batch may carry derivatives (forward mode). Each row of a matrix then holds the values of all points, followed by
+their derivatives by the first unknown, by the second, and so on: the same matrix product computes them all. A PB-MTRNN
+has two unknowns and hundreds of angles, so this costs three generations; backpropagation would have to keep every tick.
 """
 
 from __future__ import annotations
@@ -9,138 +13,156 @@ from __future__ import annotations
 import numpy as np
 
 from creative_nao.model.matmul import PANEL, multiply_panel
-from creative_nao.model.simd import (
-    F,
-    add_inputs,
-    add_outputs,
-    at_least,
-    compiled,
-    exp32,
-    load16,
-    multiply_add,
-    spread16,
-    store,
-    tanh32,
-)
+from creative_nao.model.simd import F, at_least, compiled, exp32, load16, multiply_add, spread16, store, tanh32
 
 # pyright: reportCallIssue=false, reportOperatorIssue=false, reportArgumentType=false
 
 
 @compiled()
-def _hear(weights, at, row, senders, low, n_heard, start, out, first, n_receivers, n_lanes):
-    """Sum what receivers hear, in every lane: out[i] = start[i] + sum over k of w_ik senders[k].
+def _add_products(weights, first_weight, n_presynaptic, inputs, first_input, n_inputs, start, out, first, n_units):
+    """Compute out[i, :] = start[i, :] + sum over k of w_ik inputs[k, :] for `n_units` rows from row `first` on.
 
-    The weights of receiver `first` begin at `at`, those of the next ones `row` further each; senders are those from
-    `low` on. Each sum goes through its senders in ascending order.
+    Args:
+        weights: Rows of `n_presynaptic` weights, one for each unit; `first_weight` is the first that counts.
+        inputs: Activations, `n_inputs` rows from `first_input` on.
+        start, out: Of equal shape; may be the same array.
     """
-    for lane in range(0, n_lanes, PANEL):
-        place = first * n_lanes + lane
+    width = out.shape[1]
+    for column in range(0, width, PANEL):
+        place = first * width + column
         multiply_panel(
-            weights, at, row, 1, senders, low * n_lanes + lane, n_lanes, n_heard,
-            start, place, n_lanes, out, place, n_lanes, n_receivers,
+            weights, first_weight, n_presynaptic, 1, inputs, first_input * width + column, width, n_inputs,
+            start, place, width, out, place, width, n_units,
         )  # fmt: skip
 
 
 @compiled()
-def _softmax_and_angles(code, references, n_lanes, angles, row):
-    """Turn summed inputs, (n_codes * lanes,), into codes in place and decode the angles of a tick (Eq. 3, 7)."""
+def _decode(code, n_points, references, angles):
+    """Turn the summed inputs of P_O into codes in place and decode the angles of one tick (Eq. 3, 7).
+
+    The derivative of a code c by an unknown is c (a' - sum_k c_k a'_k), a' being that of the summed input.
+    """
     n_joints, n_units = references.shape
+    width = code.shape[1]
     for joint in range(n_joints):
-        first = joint * n_units * n_lanes
-        end = first + n_units * n_lanes
-        for lane in range(0, n_lanes, 16):
-            top = load16(code, first + lane)
-            for i in range(first + n_lanes + lane, end, n_lanes):
+        first, end = joint * n_units * width, (joint + 1) * n_units * width
+        for point in range(0, n_points, 16):
+            top = load16(code, first + point)
+            for i in range(first + width + point, end, width):
                 top = at_least(top, load16(code, i))
             total = spread16(F(0))
-            for i in range(first + lane, end, n_lanes):
+            for i in range(first + point, end, width):
                 power = exp32(load16(code, i) - top)
                 store(power, code, i)
                 total = total + power
             inverse = spread16(F(1)) / total
             angle = spread16(F(0))
             for unit in range(n_units):
-                i = first + unit * n_lanes + lane
+                i = first + unit * width + point
                 share = load16(code, i) * inverse
                 store(share, code, i)
                 angle = angle + share * references[joint, unit]
-            store(angle, angles, (row + joint) * n_lanes + lane)
+            store(angle, angles, joint * width + point)
+            for shift in range(n_points, width - point, n_points):
+                mean, slope = spread16(F(0)), spread16(F(0))
+                for i in range(first + point, end, width):
+                    mean = mean + load16(code, i) * load16(code, i + shift)
+                for unit in range(n_units):
+                    i = first + unit * width + point
+                    change = load16(code, i) * (load16(code, i + shift) - mean)
+                    store(change, code, i + shift)
+                    slope = slope + change * references[joint, unit]
+                store(slope, angles, joint * width + point + shift)
 
 
 @compiled()
-def _change_state(a, rate, n_lanes, u, y):
-    """Let the internal states follow the summed inputs and fire (Eq. 2, 3)."""
-    for i in range(rate.size):
-        for lane in range(i * n_lanes, (i + 1) * n_lanes, 16):
-            state = multiply_add(F(1) - rate[i], load16(u, lane), rate[i] * load16(a, lane))
-            store(state, u, lane)
-            store(tanh32(state), y, lane)
+def _update_states(a, rate, n_points, u, y):
+    """Move the internal states u towards the summed inputs and compute the activations y (Eq. 2, 3)."""
+    width = a.shape[1]
+    for unit in range(rate.size):
+        end = (unit + 1) * width
+        for i in range(unit * width, unit * width + n_points, 16):
+            state = multiply_add(F(1) - rate[unit], load16(u, i), rate[unit] * load16(a, i))
+            activation = tanh32(state)
+            store(state, u, i)
+            store(activation, y, i)
+            for k in range(i + n_points, end, n_points):
+                change = multiply_add(F(1) - rate[unit], load16(u, k), rate[unit] * load16(a, k))
+                store(change, u, k)
+                store((F(1) - activation * activation) * change, y, k)
 
 
 @compiled()
-def generate_lanes(w_in, w_out, w_hidden, w_pb, b_out, b_hidden, starts, rate, pb, code0, references, angles):
-    """Run the network in closed loop for every lane.
+def generate_batch(net, n_points, pb, code0, u, angles):
+    """Run the network in closed loop for a batch of points, with derivatives where the rows have room for them.
 
     Args:
-        w_in, w_out, w_hidden, w_pb: Weights with receivers in rows (transposed), float32.
-        b_out, b_hidden: Biases.
-        starts: First neuron of each hidden layer, and their number, (n_layers + 1,).
-        rate: 1 / time constant of each hidden neuron.
-        pb: PB values, (1 or n_steps, n_pb, lanes), the lanes a multiple of `product.PANEL`; with one row it is
-            constant. Row t drives the states of tick t.
+        net: `generation.Weights` with a row for each postsynaptic unit.
+        n_points: Columns that hold values, a multiple of 16; all columns together, `width`, are one of `matmul.PANEL`.
+        pb: PB values, (1 or n_steps, n_pb, width); with one row they are constant. Row t drives the states of tick t.
         code0: Code of the initial posture, (n_codes,).
-        references: Reference angles, (n_joints, n_units).
-        angles: Where the joint angles go, (n_steps, n_joints, lanes); row 0 is not written.
+        u: Internal states at tick 0, (n_hidden, width); changed.
+        angles: Where the joint angles go, (n_steps, n_joints, width); row 0 is not written.
     """
-    n_steps, n_joints, n_lanes = angles.shape
-    n_codes, n_hidden, n_pb, n_fast, n_layers = code0.size, rate.size, pb.shape[1], starts[1], starts.size - 1
-    from_x, from_fast, from_hidden = w_in.reshape(-1), w_out.reshape(-1), w_hidden.reshape(-1)
-    flat_angles = angles.reshape(-1)
-    x, bias = np.empty(n_codes * n_lanes, np.float32), np.empty(n_codes * n_lanes, np.float32)
-    for i in range(n_codes):
-        for lane in range(i * n_lanes, (i + 1) * n_lanes):
-            x[lane], bias[lane] = code0[i], b_out[i]
-    y, u = np.zeros(n_hidden * n_lanes, np.float32), np.zeros(n_hidden * n_lanes, np.float32)
-    a, code = np.empty(n_hidden * n_lanes, np.float32), np.empty(n_codes * n_lanes, np.float32)
-    drive = np.empty((n_hidden, n_lanes), np.float32)
-    constant = drive.reshape(-1)
+    n_steps, _, width = angles.shape
+    n_codes, n_hidden, n_fast, n_layers = code0.size, net.rate.size, net.starts[1], net.starts.size - 1
+    x, code, bias = np.zeros((n_codes, width), F), np.zeros((n_codes, width), F), np.zeros((n_codes, width), F)
+    y, a = np.zeros((n_hidden, width), F), np.zeros((n_hidden, width), F)
+    drive, bias_hidden = np.zeros((n_hidden, width), F), np.zeros((n_hidden, width), F)
+    for point in range(n_points):
+        for i in range(n_codes):
+            x[i, point], bias[i, point] = code0[i], net.b_out[i]
+        for i in range(n_hidden):
+            bias_hidden[i, point] = net.b_hidden[i]
+    _update_states(u, np.zeros(n_hidden, F), n_points, u, y)  # at rate 0 the states stay as they are
     for t in range(1, n_steps):
         if t == 1 or pb.shape[0] > 1:
-            point = pb[min(t, pb.shape[0] - 1)]
-            for i in range(n_hidden):
-                drive[i, :] = b_hidden[i]
-                add_inputs(w_pb[i], 0, n_pb, point, drive[i])
-        _hear(from_fast, 0, n_fast, y, 0, n_fast, bias, code, 0, n_codes, n_lanes)
-        _hear(from_x, 0, n_codes, x, 0, n_codes, constant, a, 0, n_fast, n_lanes)
-        for layer in range(n_layers):
-            low, high = starts[max(layer - 1, 0)], starts[min(layer + 2, n_layers)]
-            first, size = starts[layer], starts[layer + 1] - starts[layer]
-            begun = a if layer == 0 else constant  # P_F has heard the input already
-            _hear(from_hidden, first * n_hidden + low, n_hidden, y, low, high - low, begun, a, first, size, n_lanes)
-        _softmax_and_angles(code, references, n_lanes, flat_angles, t * n_joints)
-        _change_state(a, rate, n_lanes, u, y)
+            n_pb = pb.shape[1]
+            _add_products(net.w_pb, 0, n_pb, pb[min(t, pb.shape[0] - 1)], 0, n_pb, bias_hidden, drive, 0, n_hidden)
+        _add_products(net.w_out, 0, n_fast, y, 0, n_fast, bias, code, 0, n_codes)
+        _add_products(net.w_in, 0, n_codes, x, 0, n_codes, drive, a, 0, n_fast)
+        for layer in range(n_layers):  # reads the layer itself and its neighbours
+            low, high = net.starts[max(layer - 1, 0)], net.starts[min(layer + 2, n_layers)]
+            first, size = net.starts[layer], net.starts[layer + 1] - net.starts[layer]
+            start = a if layer == 0 else drive  # P_F has added its input already
+            _add_products(net.w_hidden, first * n_hidden + low, n_hidden, y, low, high - low, start, a, first, size)
+        _decode(code, n_points, net.references, angles[t])
+        _update_states(a, net.rate, n_points, u, y)
         x, code = code, x  # closed loop: the prediction is the next input
 
 
 @compiled()
-def unfold_tick(w_in, w_out, w_hidden, starts, rate, references, drive, x, u, y, code, total, angles):
-    """Let the network of one point go one tick on: SIMD over receiving neurons instead of lanes, the same bits.
+def _add_outgoing(weights, activations, first, last, out):
+    """Add the weighted `activations[first:last]` to `out`; a row of `weights` belongs to a presynaptic unit."""
+    n_out = out.shape[0]
+    full = first + (last - first) // 4 * 4
+    for k in range(first, full, 4):
+        w0, w1, w2, w3 = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
+        s0, s1, s2, s3 = activations[k], activations[k + 1], activations[k + 2], activations[k + 3]
+        for i in range(n_out):
+            out[i] = out[i] + w0[i] * s0 + w1[i] * s1 + w2[i] * s2 + w3[i] * s3
+    for k in range(full, last):
+        w, s = weights[k], activations[k]
+        for i in range(n_out):
+            out[i] += w[i] * s
+
+
+@compiled()
+def _tick(net, drive, x, u, y, code, total, angles):
+    """Run one point for one tick.
 
     Args:
-        w_in, w_out, w_hidden: Weights with senders in rows, float32.
-        starts: First neuron of each hidden layer, and their number, (n_layers + 1,).
-        rate: 1 / time constant of each hidden neuron.
-        references: Reference angles, (n_joints, n_units).
-        drive: Bias and PB input of each hidden neuron.
-        x: Code that the network reads, (n_codes,).
+        net: `generation.Weights` with a row for each presynaptic unit.
+        drive: Bias and PB input of each hidden unit.
+        x: Code that the network reads, (n_codes,); the predicted code replaces it.
         u, y: Internal states and activations, (n_hidden,); changed.
-        code: Biases of P_O, (n_codes,), which the predicted code replaces: the next `x` in closed loop.
-        total: Working memory, (n_hidden,).
+        code, total: Working memory, (n_codes,) and (n_hidden,).
         angles: Where the joint angles of the tick go, (n_joints,).
     """
-    n_codes, n_hidden, n_fast, n_layers = x.shape[0], rate.shape[0], starts[1], starts.shape[0] - 1
-    n_joints, n_units = references.shape
-    add_outputs(w_out, y, 0, n_fast, code)
+    n_codes, n_hidden, n_fast, n_layers = x.shape[0], net.rate.shape[0], net.starts[1], net.starts.shape[0] - 1
+    n_joints, n_units = net.references.shape
+    code[:] = net.b_out
+    _add_outgoing(net.w_out, y, 0, n_fast, code)
     for j in range(n_joints):
         a = code[j * n_units : (j + 1) * n_units]
         top = a[0]
@@ -151,7 +173,7 @@ def unfold_tick(w_in, w_out, w_hidden, starts, rate, references, drive, x, u, y,
     for i in range(n_codes):
         code[i] = exp32(code[i])
     for j in range(n_joints):
-        a, reference = code[j * n_units : (j + 1) * n_units], references[j]
+        a, reference = code[j * n_units : (j + 1) * n_units], net.references[j]
         norm = F(0)
         for k in range(n_units):
             norm += a[k]
@@ -162,41 +184,32 @@ def unfold_tick(w_in, w_out, w_hidden, starts, rate, references, drive, x, u, y,
             angle += a[k] * reference[k]
         angles[j] = angle
     total[:] = drive
-    add_outputs(w_in, x, 0, n_codes, total[:n_fast])
-    for layer in range(n_layers):  # the layer that sends; it reaches its own and the neighbouring layers
-        low, high = starts[max(layer - 1, 0)], starts[min(layer + 2, n_layers)]
-        add_outputs(w_hidden[:, low:high], y, starts[layer], starts[layer + 1], total[low:high])
+    _add_outgoing(net.w_in, x, 0, n_codes, total[:n_fast])
+    for layer in range(n_layers):  # drives the layer itself and its neighbours
+        low, high = net.starts[max(layer - 1, 0)], net.starts[min(layer + 2, n_layers)]
+        _add_outgoing(net.w_hidden[:, low:high], y, net.starts[layer], net.starts[layer + 1], total[low:high])
     for i in range(n_hidden):
-        u[i] = multiply_add(F(1) - rate[i], u[i], rate[i] * total[i])
+        u[i] = multiply_add(F(1) - net.rate[i], u[i], net.rate[i] * total[i])
     for i in range(n_hidden):
         y[i] = tanh32(u[i])
+    x[:] = code
 
 
 @compiled()
-def generate_one(w_in, w_out, w_hidden, w_pb, b_out, b_hidden, starts, rate, pb, code0, references, angles):
-    """Run the network in closed loop for one point, with the bits that `generate_lanes` gives it.
+def advance(net, pb, first, codes, states, activities, angles):
+    """Run single points one after the other from tick `first` of `angles` on, in closed loop.
 
     Args:
-        w_in, w_out, w_hidden, w_pb: Weights with senders in rows, float32.
-        b_out, b_hidden: Biases.
-        starts: First neuron of each hidden layer, and their number, (n_layers + 1,).
-        rate: 1 / time constant of each hidden neuron.
-        pb: PB values, (1 or n_steps, n_pb).
-        code0: Code of the initial posture, (n_codes,).
-        references: Reference angles, (n_joints, n_units).
-        angles: Where the joint angles go, (n_steps, n_joints); row 0 is not written.
+        net: `generation.Weights` with a row for each presynaptic unit.
+        pb: PB values, (n, 1 or n_ticks, n_pb); with one row they are constant.
+        codes, states, activities: What each point reads next, u and y, (n, n_codes or n_hidden); changed.
+        angles: Where the joint angles go, (n, n_ticks, n_joints); rows before `first` are not written.
     """
-    n_codes, n_hidden = code0.shape[0], rate.shape[0]
-    x = code0.copy()
-    code = np.empty(n_codes, np.float32)
-    y = np.zeros(n_hidden, np.float32)
-    u = np.zeros(n_hidden, np.float32)
-    drive = np.empty(n_hidden, np.float32)
-    total = np.empty(n_hidden, np.float32)
-    for t in range(1, angles.shape[0]):
-        if t == 1 or pb.shape[0] > 1:
-            drive[:] = b_hidden
-            add_outputs(w_pb, pb[min(t, pb.shape[0] - 1)], 0, pb.shape[1], drive)
-        code[:] = b_out
-        unfold_tick(w_in, w_out, w_hidden, starts, rate, references, drive, x, u, y, code, total, angles[t])
-        x, code = code, x
+    code = np.empty(codes.shape[1], F)
+    drive, total = np.empty(net.rate.shape[0], F), np.empty(net.rate.shape[0], F)
+    for point in range(angles.shape[0]):
+        for t in range(first, angles.shape[1]):
+            if t == first or pb.shape[1] > 1:
+                drive[:] = net.b_hidden
+                _add_outgoing(net.w_pb, pb[point, min(t, pb.shape[1] - 1)], 0, pb.shape[2], drive)
+            _tick(net, drive, codes[point], states[point], activities[point], code, total, angles[point, t])

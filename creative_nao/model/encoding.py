@@ -6,7 +6,14 @@ from typing import Literal
 
 import numpy as np
 
+from creative_nao.demonstrations import Demonstrations
 from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.model.config import NetworkSettings
+
+MIN_SPAN_RAD = 1e-9
+"""A joint that moves less does not move: its reference angles could not be told apart."""
+TARGET_FLOOR = 1e-12
+"""Smallest target probability, so that its logarithm is finite."""
 
 
 class SoftmaxEncoding:
@@ -101,3 +108,41 @@ class SoftmaxEncoding:
             raise ShapeError(f"`codes` should have shape (..., {self.n_codes}), but has {codes.shape}")
         grouped = codes.reshape(*codes.shape[:-1], self.n_joints, self.n_units)
         return (grouped * self.references).sum(axis=-1)
+
+
+def encoding_of(demonstrations: Demonstrations, network: NetworkSettings) -> SoftmaxEncoding:
+    """Return the softmax code whose references span each joint's range in the demonstrations (Eq. 6).
+
+    Raises:
+        SettingsError: If a joint does not move in any demonstration.
+    """
+    angles = np.concatenate(demonstrations.trajectories)
+    spans = np.ptp(angles, axis=0)
+    still = [joint for joint, span in zip(demonstrations.joints, spans, strict=True) if not span > MIN_SPAN_RAD]
+    if still:
+        raise SettingsError(
+            f"{', '.join(still)} never moves in the demonstrations; leave the joint out or let it move, "
+            "since the softmax code spans its range"
+        )
+    return SoftmaxEncoding(
+        angles.min(axis=0), angles.max(axis=0), network.n_softmax_units, network.sigma, network.sigma_unit
+    )
+
+
+def target_codes(encoding: SoftmaxEncoding, trajectories: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Encode actions of any lengths into one array, as training needs them.
+
+    Args:
+        encoding: The softmax code.
+        trajectories: Joint angles [rad], each (n_steps, n_joints).
+
+    Returns:
+        Codes, shape (n_actions, longest, n_codes) float32, the rows past an action's end filled with its last posture;
+        and the lengths, shape (n_actions,).
+    """
+    lengths = np.array([len(trajectory) for trajectory in trajectories])
+    codes = []
+    for trajectory in trajectories:
+        padding = [(0, int(lengths.max()) - len(trajectory)), (0, 0)]
+        codes.append(encoding.encode(np.pad(trajectory, padding, mode="edge")))
+    return np.maximum(np.array(codes), TARGET_FLOOR).astype(np.float32), lengths

@@ -1,27 +1,71 @@
-"""Closed-loop generation: PB points in, joint trajectories out, many at a time (Eq. 1-3, 5 at ratio 1, 7).
+"""Closed-loop generation: PB points in, joint trajectories out (Eq. 1-3, 5 at ratio 1, 7).
 
-Points lie side by side in lanes, (unit, lane), so that one instruction serves many of them. The sum over a neuron's
-inputs is taken in one fixed order in every lane: a trajectory has the same bits alone, in a batch, and for any number
-of threads. That matters, because where the map is rugged the closed loop amplifies a difference in the last bit into
-another movement.
+A trajectory has the same bits alone, in a batch, with any number of threads, and when it is generated a few ticks at a
+time. That matters, because where the map is rugged the closed loop amplifies a difference in the last bit into another
+movement.
 """
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from creative_nao.errors import SettingsError, ShapeError, shown
 from creative_nao.model.config import NetworkSettings, layer_time_constants
 from creative_nao.model.encoding import SoftmaxEncoding
 from creative_nao.runtime import usable_cores
 
-LANES = 64
-"""Most points side by side: a multiple of `product.PANEL`, and all activations still lie in a fast cache."""
+BATCH = 64
+"""Most points in a compiled batch: a multiple of `matmul.PANEL`, and all activations still lie in a fast cache."""
+DIFFERENTIATED_BATCH = 32
+"""The same where derivatives are computed too."""
 FEW_POINTS = 2
-"""Up to this many points, one at a time is faster than in lanes."""
-SERIAL_BLOCKS = 8
-"""Up to this many blocks of lanes, starting threads costs more than it saves."""
+"""Up to this many points, one at a time is faster than a batch."""
+SERIAL_BATCHES = 8
+"""Up to this many batches, starting threads costs more than it saves."""
+
+
+class Weights(NamedTuple):
+    """A network as the compiled code reads it, float32 but for `starts`."""
+
+    w_in: np.ndarray
+    w_out: np.ndarray
+    w_hidden: np.ndarray
+    w_pb: np.ndarray
+    b_out: np.ndarray
+    b_hidden: np.ndarray
+    starts: np.ndarray
+    """First unit of each hidden layer, and their number, (n_layers + 1,) int64."""
+    rate: np.ndarray
+    """1 / time constant of each hidden unit."""
+    references: np.ndarray
+    """Reference angles of the code [rad], (n_joints, n_units)."""
+
+
+@dataclass(eq=False)
+class Rollout:
+    """The state of n movements that are generated a few ticks at a time.
+
+    Attributes:
+        tick: Postures generated so far.
+        code: What the network reads next: the code of its last prediction, (n, n_codes) float32.
+        state: Internal states u of all hidden units, (n, n_hidden) float32.
+        activity: Their activations y = tanh(u), the layers P_F, P_M, P_S one after the other, (n, n_hidden) float32.
+    """
+
+    tick: int
+    code: np.ndarray
+    state: np.ndarray
+    activity: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.code)
 
 
 class ClosedLoopGenerator:
@@ -29,19 +73,15 @@ class ClosedLoopGenerator:
 
     Args:
         settings: Sizes and time constants.
-        parameters: By name, shapes as in `parameters.parameter_shapes`, float32; copied.
+        parameters: By name, shapes as in `config.parameter_shapes`, float32; copied.
         encoding: The joints' softmax code.
         initial_posture: Joint angles at tick 0 [rad], shape (n_joints,).
 
     Attributes:
-        from_sender: Weights w_in, w_out, w_hidden and w_pb with senders in rows, float32.
-        to_receiver: The same with receivers in rows.
-        biases: b_out and b_hidden, float32.
-        starts: First neuron of each hidden layer, and their number, (n_layers + 1,).
-        rate: 1 / time constant of each hidden neuron, float32.
-        references: Reference angles of the code [rad], (n_joints, n_units) float32.
+        n_pb: PB units.
+        n_hidden: Units of all hidden layers.
+        n_slow: Units of the slowest layer, P_S: the last of the hidden ones.
         initial_posture: As given, float64.
-        initial_code: Its code, (n_codes,) float32.
     """
 
     def __init__(
@@ -51,67 +91,207 @@ class ClosedLoopGenerator:
         encoding: SoftmaxEncoding,
         initial_posture: np.ndarray,
     ) -> None:
-        self.starts = np.concatenate([[0], np.cumsum(settings.layer_sizes)])
-        self.rate = np.float32(1) / layer_time_constants(settings)
-        self.from_sender = [parameters[name].copy() for name in ("w_in", "w_out", "w_hidden", "w_pb")]
-        self.to_receiver = [np.ascontiguousarray(weights.T) for weights in self.from_sender]
-        self.biases = parameters["b_out"].copy(), parameters["b_hidden"].copy()
-        self.references = encoding.references.astype(np.float32)
-        self.initial_posture = np.array(initial_posture, dtype=np.float64)
-        self.initial_code = encoding.encode(self.initial_posture).astype(np.float32)
+        self.n_pb, self.n_hidden, self.n_slow = settings.n_pb, settings.n_hidden, settings.layer_sizes[-1]
+        weights = [parameters[name].copy() for name in ("w_in", "w_out", "w_hidden", "w_pb")]
+        rest = (
+            parameters["b_out"].copy(),
+            parameters["b_hidden"].copy(),
+            np.concatenate([[0], np.cumsum(settings.layer_sizes)]),
+            np.float32(1) / layer_time_constants(settings),
+            encoding.references.astype(np.float32),
+        )
+        self._by_presynaptic = Weights(*weights, *rest)
+        self._by_postsynaptic = Weights(*(np.ascontiguousarray(array.T) for array in weights), *rest)
+        self._encoding = encoding
+        self._set_posture(initial_posture)
 
-    def __call__(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
-        """Let the network act in its mind from each PB point.
+    def _set_posture(self, posture: np.ndarray) -> None:
+        self.initial_posture = np.array(posture, dtype=np.float64)
+        self._initial_code = self._encoding.encode(self.initial_posture).astype(np.float32)
+
+    def starting_from(self, posture: np.ndarray) -> ClosedLoopGenerator:
+        """Return the same network with another initial posture [rad], shape (n_joints,)."""
+        other = copy.copy(self)
+        other._set_posture(posture)
+        return other
+
+    def __call__(self, pb: np.ndarray, n_steps: int, slow_states: np.ndarray | None = None) -> np.ndarray:
+        """Generate one movement from each PB point.
 
         Args:
             pb: PB values in [-1, 1], shape (n, n_pb), or (n, n_steps, n_pb) for a PB that moves: row t drives tick t.
             n_steps: Ticks to generate, at least 1; row 0 is the initial posture itself.
+            slow_states: Internal states of P_S at tick 0, shape (n, n_slow); default: 0, as those of all other units.
 
         Returns:
             Joint angles [rad], shape (n, n_steps, n_joints), float64.
         """
-        moving = pb if pb.ndim == 3 else pb[:, None, :]
-        out = np.empty((len(pb), n_steps, len(self.references)))
-        if len(pb) <= FEW_POINTS:
-            for point, trajectory in zip(moving, out, strict=True):
-                trajectory[:] = self._generate_one(point, n_steps)
-            return out
-        blocks = [slice(start, min(start + LANES, len(pb))) for start in range(0, len(pb), LANES)]
-        n_threads = usable_cores()
-        if len(blocks) <= SERIAL_BLOCKS or n_threads == 1:
-            for block in blocks:
-                out[block] = self._generate_block(moving[block], n_steps)
+        if len(pb) <= FEW_POINTS and slow_states is None:
+            return self.advance(self.begin(len(pb)), pb, n_steps)
+
+        def generate(part: slice) -> np.ndarray:
+            return self._batch(pb[part], n_steps, None if slow_states is None else slow_states[part])
+
+        parts = [slice(start, min(start + BATCH, len(pb))) for start in range(0, len(pb), BATCH)]
+        out = np.empty((len(pb), n_steps, self._encoding.n_joints))
+        if len(parts) <= SERIAL_BATCHES or usable_cores() == 1:
+            for part in parts:
+                out[part] = generate(part)
         else:
-            with ThreadPoolExecutor(n_threads) as pool:
-                for block, angles in zip(
-                    blocks, pool.map(lambda b: self._generate_block(moving[b], n_steps), blocks), strict=True
-                ):
-                    out[block] = angles
+            with ThreadPoolExecutor(usable_cores()) as pool:
+                for part, angles in zip(parts, pool.map(generate, parts), strict=True):
+                    out[part] = angles
+        out[:, 0] = self.initial_posture
         return out
 
-    def _generate_one(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
-        from creative_nao.model.compiled_generation import generate_one
+    def _batch(self, pb: np.ndarray, n_steps: int, slow_states: np.ndarray | None) -> np.ndarray:
+        from creative_nao.model.compiled_generation import PANEL, generate_batch
 
-        angles = np.zeros((n_steps, len(self.references)), np.float32)
-        generate_one(
-            *self.from_sender, *self.biases, self.starts, self.rate,
-            pb.astype(np.float32), self.initial_code, self.references, angles,
-        )  # fmt: skip
-        trajectory = angles.astype(np.float64)
-        trajectory[0] = self.initial_posture
-        return trajectory
+        n, width = len(pb), -(-len(pb) // PANEL) * PANEL
+        rows = pb if pb.ndim == 3 else pb[:, None]
+        points = np.zeros((rows.shape[1], self.n_pb, width), np.float32)
+        points[:, :, :n] = rows.transpose(1, 2, 0)
+        states = np.zeros((self.n_hidden, width), np.float32)
+        if slow_states is not None:
+            states[-self.n_slow :, :n] = slow_states.T
+        angles = np.zeros((n_steps, self._encoding.n_joints, width), np.float32)
+        generate_batch(self._by_postsynaptic, width, points, self._initial_code, states, angles)
+        return angles[:, :, :n].transpose(2, 0, 1)
 
-    def _generate_block(self, pb: np.ndarray, n_steps: int) -> np.ndarray:
-        from creative_nao.model.compiled_generation import PANEL, generate_lanes
+    def differentiate(self, unknowns: np.ndarray, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """Generate with the derivatives of the angles by the PB values and, if given, by the states of P_S at tick 0.
 
-        lanes = -(-len(pb) // PANEL) * PANEL
-        points = np.zeros((pb.shape[1], pb.shape[2], lanes), np.float32)
-        points[:, :, : len(pb)] = pb.transpose(1, 2, 0)
-        angles = np.zeros((n_steps, len(self.references), lanes), np.float32)
-        generate_lanes(
-            *self.to_receiver, *self.biases, self.starts, self.rate,
-            points, self.initial_code, self.references, angles,
-        )  # fmt: skip
-        trajectories = angles[:, :, : len(pb)].transpose(2, 0, 1).astype(np.float64)
-        trajectories[:, 0] = self.initial_posture
+        Args:
+            unknowns: Shape (n, k), n at most `DIFFERENTIATED_BATCH`: PB values, followed by n_slow states or by none.
+            n_steps: Ticks to generate.
+
+        Returns:
+            Joint angles [rad], (n_steps, n_joints, n), and their derivatives, (n_steps, n_joints, k, n), float32;
+            row 0, the initial posture, holds zeros in both.
+        """
+        from creative_nao.model.compiled_generation import PANEL, generate_batch
+
+        n, k = unknowns.shape
+        n_points = -(-n // 16) * 16  # as many as one instruction works on
+        width = -(-(1 + k) * n_points // PANEL) * PANEL
+        # One row for each unknown: its values, then 1 where it is differentiated by itself.
+        inputs = np.zeros((k, width), np.float32)
+        inputs[:, :n] = unknowns.T
+        for i in range(k):
+            inputs[i, (1 + i) * n_points : (2 + i) * n_points] = 1
+        states = np.zeros((self.n_hidden, width), np.float32)
+        if k > self.n_pb:
+            states[-self.n_slow :] = inputs[self.n_pb :]
+        angles = np.zeros((n_steps, self._encoding.n_joints, width), np.float32)
+        pb = inputs[None, : self.n_pb]
+        generate_batch(self._by_postsynaptic, n_points, pb, self._initial_code, states, angles)
+        blocks = angles[:, :, : (1 + k) * n_points].reshape(n_steps, -1, 1 + k, n_points)[..., :n]
+        return blocks[:, :, 0], blocks[:, :, 1:]
+
+    def begin(self, n: int) -> Rollout:
+        """Return n movements of which nothing is generated yet."""
+        states = np.zeros((2, n, self.n_hidden), np.float32)
+        return Rollout(0, np.repeat(self._initial_code[None], n, axis=0), *states)
+
+    def advance(self, rollout: Rollout, pb: np.ndarray, n_ticks: int) -> np.ndarray:
+        """Generate the next ticks of movements; `rollout` then stands `n_ticks` later.
+
+        Args:
+            rollout: Their state.
+            pb: PB value of each in [-1, 1] during these ticks, (n, n_pb), or at each of them, (n, n_ticks, n_pb).
+            n_ticks: Postures to generate, at least 1; the very first is the initial posture itself.
+
+        Returns:
+            Joint angles [rad], (n, n_ticks, n_joints), float64.
+
+        Raises:
+            ShapeError: If `pb` does not have that shape or leaves [-1, 1].
+        """
+        from creative_nao.model.compiled_generation import advance
+
+        n = len(rollout)
+        if pb.shape not in ((n, self.n_pb), (n, n_ticks, self.n_pb)) or not (np.abs(pb) <= 1).all():
+            raise ShapeError(f"`pb` should have shape ({n}, {self.n_pb}) and lie in [-1, 1], but is {pb!r:.80}")
+        angles = np.zeros((n, n_ticks, self._encoding.n_joints), np.float32)
+        points = (pb if pb.ndim == 3 else pb[:, None]).astype(np.float32)
+        first = int(rollout.tick == 0)
+        advance(self._by_presynaptic, points, first, rollout.code, rollout.state, rollout.activity, angles)
+        trajectories = angles.astype(np.float64)
+        if first:
+            trajectories[:, 0] = self.initial_posture
+        rollout.tick += n_ticks
         return trajectories
+
+
+def real_array(value: Any, name: str) -> np.ndarray:
+    """Return an argument of a public function as a float64 array.
+
+    Raises:
+        ShapeError: If it does not hold real numbers, is ragged, or is masked.
+    """
+    try:
+        array = np.asarray(value)
+    except Exception:
+        array = np.array(None)
+    if array.dtype.kind not in "fiu" or isinstance(value, np.ma.MaskedArray):
+        raise ShapeError(f"`{name}` should be an array of real numbers, but is {shown(value)}")
+    return array.astype(np.float64)
+
+
+def pb_points(value: ArrayLike, n_pb: int, name: str, least: int = 0) -> np.ndarray:
+    """Return PB points as float64 (n, n_pb).
+
+    Raises:
+        ShapeError: If they are not, if there are fewer than `least`, or one lies outside [-1, 1].
+    """
+    points = real_array(value, name)
+    if points.ndim != 2 or points.shape[1] != n_pb or len(points) < least:
+        expected = f"(n, {n_pb})" + (f" with n at least {least}" if least else "")
+        raise ShapeError(f"`{name}` should have shape {expected}, but has {points.shape}")
+    inside = (np.abs(points) <= 1).all(axis=1)  # false for NaN
+    if not inside.all():
+        row = int(np.argmin(inside))
+        raise ShapeError(f"`{name}` should lie in [-1, 1], but row {row} is {points[row].tolist()}")
+    return points
+
+
+def pb_of_each_tick(
+    points: ArrayLike, n_pb: int, n_steps: int, at_ticks: Sequence[int] | np.ndarray | None = None
+) -> np.ndarray:
+    """Return the PB value at every tick of a movement whose PB moves in straight lines from point to point.
+
+    Args:
+        points: Where the PB moves, in [-1, 1], shape (n, n_pb).
+        n_pb: PB units of the memory.
+        n_steps: Ticks of the movement.
+        at_ticks: When each point is reached, rising, shape (n,); before the first and after the last the PB rests.
+            Two points at one tick are a jump: from that tick on the later one counts. Default: evenly from tick 0,
+            which is given, to the last.
+
+    Returns:
+        Shape (n_steps, n_pb).
+
+    Raises:
+        ShapeError: If `points` is not (n, n_pb) or leaves [-1, 1].
+        SettingsError: If `at_ticks` does not fit.
+    """
+    corners = pb_points(points, n_pb, "points", least=1)
+    if at_ticks is None:
+        reached = np.linspace(0.0, n_steps - 1, len(corners))
+    else:
+        reached = real_array(at_ticks, "at_ticks")
+        if reached.shape != (len(corners),) or not (np.diff(reached) >= 0).all() or not np.isfinite(reached).all():
+            raise SettingsError(
+                f"`at_ticks` should hold {len(corners)} ticks, one for each point, none before the one ahead of it, "
+                f"but is {reached.tolist()}"
+            )
+    return along(corners, reached, np.arange(n_steps, dtype=np.float64))
+
+
+def along(corners: np.ndarray, reached: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return the places at `wanted` on the line through `corners`, which are reached at `reached`."""
+    after = np.searchsorted(reached, wanted, side="right")
+    left, right = np.clip(after - 1, 0, None), np.clip(after, None, len(corners) - 1)
+    span = reached[right] - reached[left]
+    share = np.clip((wanted - reached[left]) / np.where(span > 0, span, 1.0), 0.0, 1.0)[:, None]
+    return corners[left] + share * (corners[right] - corners[left])

@@ -1,23 +1,22 @@
-"""A memory: a trained PB-MTRNN with everything needed to use it, in one file.
-
-Also here:
-- The memories that come with the package, and finding a memory by name or path.
-"""
+"""A memory: a trained PB-MTRNN with everything needed to use it, in one file; and the memories that ship."""
 
 from __future__ import annotations
 
+import base64
 import dataclasses
 import functools
+import html
+import io
 import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from creative_nao.arrays import load_tensors, save_tensors, take
+from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.demonstrations import Demonstrations
 from creative_nao.demonstrations.files import MAX_STEPS
 from creative_nao.errors import (
@@ -27,30 +26,54 @@ from creative_nao.errors import (
     SettingsError,
     ShapeError,
     nearest_name,
+    shown,
 )
-from creative_nao.fields import Fields, only_arrays
-from creative_nao.model.config import NetworkSettings, TrainingSettings, parameter_shapes, settings_from_header
-from creative_nao.model.encoding import SoftmaxEncoding
-from creative_nao.model.generation import ClosedLoopGenerator
-from creative_nao.model.paths import pb_of_each_tick
+from creative_nao.measures import score
+from creative_nao.measures.dtw import MAX_VALUE
+from creative_nao.model.config import NetworkSettings, TrainingSettings, check_kind, parameter_shapes
+from creative_nao.model.encoding import SoftmaxEncoding, encoding_of
+from creative_nao.model.generation import ClosedLoopGenerator, along, pb_of_each_tick, pb_points, real_array
+from creative_nao.model.recognition import N_SCREEN, Recognition, infer_pb
+from creative_nao.schema import (
+    Count,
+    Index,
+    JsonObject,
+    Names,
+    Seed,
+    Version1,
+    checked,
+    dump,
+    parse,
+    record,
+)
 
-if TYPE_CHECKING:
-    from creative_nao.model.recognition import Recognition
-
-
-FORMAT_VERSION = 1
 KIND = "memory"
 MAX_CURVE_POINTS = 5000
 """A memory keeps at most this many points of its learning curve; a checkpoint keeps all."""
-
-
-MIN_SPAN_RAD = 1e-9
-"""A joint that moves less does not move: its reference angles could not be told apart."""
 MAX_WEIGHT = 1e6
 """Largest weight of a memory file; the largest of the shipped bank is 34. Beyond 1e30 sums would overflow."""
+PREVIEW_RESOLUTION = 40
+"""Points on each side of the map that a notebook shows."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@record
+class MemoryHeader:
+    """What a memory file holds beside its arrays."""
+
+    format_version: Version1
+    network: NetworkSettings
+    training: TrainingSettings
+    joints: Names
+    dt_s: float
+    actions: Names
+    demonstrations_record: JsonObject
+    loss_every: Count
+    best_epoch: Index
+    best_loss: float
+    record: JsonObject
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Memory:
     """A robot's memory: every point of its PB space is a movement, the taught ones and, between them, new ones.
 
@@ -59,7 +82,7 @@ class Memory:
     Attributes:
         network: Sizes, time constants and code of the network.
         training: How it was trained.
-        parameters: Weights by name, float32; shapes as in `model.parameters.parameter_shapes`.
+        parameters: Weights by name, float32; shapes as in `model.config.parameter_shapes`.
         demonstrations: The basic actions it learned [rad].
         loss_history: Loss (Eq. 4, summed over actions and steps) every `loss_every` epochs.
         loss_every: Epochs from one value of `loss_history` to the next.
@@ -111,12 +134,13 @@ class Memory:
         return encoding_of(self.demonstrations, self.network)
 
     @functools.cached_property
-    def _generator(self) -> ClosedLoopGenerator:
+    def generator(self) -> ClosedLoopGenerator:
+        """The network prepared for generation, also of a few ticks at a time."""
         posture = self.demonstrations.initial_posture
         return ClosedLoopGenerator(self.network, self.parameters, self.encoding, posture)
 
-    def generate(self, pb: np.ndarray, n_steps: int | None = None) -> np.ndarray:
-        """Let the network act in its mind, in closed loop, from each PB point.
+    def generate(self, pb: ArrayLike, n_steps: int | None = None) -> np.ndarray:
+        """Generate a movement from each PB point in closed loop: the robot imagines it.
 
         Args:
             pb: PB values in [-1, 1], shape (n, n_pb).
@@ -128,23 +152,17 @@ class Memory:
 
         Raises:
             ShapeError: If `pb` is not (n, n_pb) or holds values outside [-1, 1].
-            SettingsError: If `n_steps` is less than 1.
+            SettingsError: If `n_steps` is not a whole number of at least 1.
         """
-        points = np.asarray(pb, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != self.network.n_pb:
-            raise ShapeError(f"`pb` should have shape (n, {self.network.n_pb}), but has {points.shape}")
-        if not (np.abs(points) <= 1).all():
-            row = int(np.flatnonzero(~(np.abs(points) <= 1).all(axis=1))[0])
-            raise ShapeError(f"`pb` should lie in [-1, 1], but row {row} is {points[row].tolist()}")
-        steps = self.n_steps if n_steps is None else n_steps
-        if steps < 1:
-            raise SettingsError(f"`n_steps` should be at least 1, but is {steps}")
-        return self._generator(points, steps)
+        return self.generator(pb_points(pb, self.network.n_pb, "pb"), self._steps(n_steps))
+
+    def _steps(self, n_steps: int | None) -> int:
+        return self.n_steps if n_steps is None else checked(Count, n_steps, "n_steps")
 
     def generate_path(
         self, points: ArrayLike, n_steps: int | None = None, at_ticks: Sequence[int] | np.ndarray | None = None
     ) -> np.ndarray:
-        """Let one movement unfold while the PB moves in straight lines from point to point.
+        """Generate one movement while the PB moves in straight lines from point to point.
 
         The state of the network goes on through every change, so the movement passes smoothly from one into another.
 
@@ -159,24 +177,32 @@ class Memory:
 
         Raises:
             ShapeError: If `points` is not (n, n_pb) or leaves [-1, 1].
-            SettingsError: If `n_steps` is less than 1, or `at_ticks` does not fit.
+            SettingsError: If `n_steps` is not a whole number of at least 1, or `at_ticks` does not fit.
         """
-        pb = pb_of_each_tick(points, self.network.n_pb, self.n_steps if n_steps is None else n_steps, at_ticks)
-        return self._generator(pb[None], len(pb))[0]
+        pb = pb_of_each_tick(points, self.network.n_pb, self._steps(n_steps), at_ticks)
+        return self.generator(pb[None], len(pb))[0]
 
     def infer_pb(
-        self, trajectory: np.ndarray, *, infer_initial_state: bool = False, n_restarts: int = 48, seed: int = 0
+        self,
+        trajectory: ArrayLike,
+        *,
+        infer_initial_state: bool = False,
+        n_restarts: int = 48,
+        n_screen: int = N_SCREEN,
+        seed: int = 0,
     ) -> Recognition:
         """Find the PB value from which this memory generates a movement, or the most similar one it has.
 
-        See `recognition.infer_pb` for how, and for one more option.
+        Works with any number of PB units, joints and layers; `model/recognition.py` says how. Time grows with the
+        length of the movement.
 
         Args:
             trajectory: Joint angles at the memory's tick [rad], shape (n_steps, n_joints), any length from two on.
             infer_initial_state: Whether to start in the given first posture instead of the memory's own, and to seek
                 the initial internal state of the slowest layer too.
             n_restarts: Descents side by side.
-            seed: One seed, one answer.
+            n_screen: Points of the even cover of the PB space; with three and more PB units, more help.
+            seed: Shifts the cover and draws the trial steps. One seed, one answer.
 
         Returns:
             The PB value, the DTW distance of its movement to the given one, that movement, and where else the search
@@ -184,32 +210,86 @@ class Memory:
 
         Raises:
             ShapeError: If `trajectory` is not finite or does not have the memory's joints.
-            SettingsError: If a setting is out of range.
+            SettingsError: If a setting is of a wrong kind or out of range.
         """
-        from creative_nao.model.recognition import infer_pb
+        target = real_array(trajectory, "trajectory")
+        if target.ndim != 2 or target.shape[1] != len(self.joints) or len(target) < 2:
+            raise ShapeError(
+                f"`trajectory` should have shape (n_steps, {len(self.joints)}), at least two ticks and one column for "
+                f"each of {', '.join(self.joints)}, but has {target.shape}"
+            )
+        if not (np.abs(target) <= MAX_VALUE).all():
+            tick, joint = np.argwhere(~(np.abs(target) <= MAX_VALUE))[0]
+            raise ShapeError(
+                f"`trajectory` should hold finite angles [rad], but is {target[tick, joint]} at tick {tick}, "
+                f"joint {self.joints[joint]}"
+            )
+        return infer_pb(
+            self.generator,
+            target,
+            infer_initial_state=checked(bool, infer_initial_state, "infer_initial_state"),
+            n_restarts=checked(Count, n_restarts, "n_restarts"),
+            n_screen=checked(Count, n_screen, "n_screen"),
+            seed=checked(Seed, seed, "seed"),
+        )
 
-        return infer_pb(self, trajectory, infer_initial_state=infer_initial_state, n_restarts=n_restarts, seed=seed)
+    def __repr__(self) -> str:
+        layers = "-".join(map(str, self.network.layer_sizes))
+        return (
+            f"Memory({self.name or 'without a name'}: {self.demonstrations.n_actions} actions of {len(self.joints)} "
+            f"joints, layers {layers}, {self.network.n_pb} PB units,\n"
+            f"       closed-loop ratio {self.closed_loop_ratio:g}, seed {self.training.seed}, "
+            f"loss {self.best_loss:.4g} at epoch {self.best_epoch})"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return the map of the first two PB units for a notebook: nearest basic actions, white where unusable."""
+        import matplotlib
+        from matplotlib.image import imsave
+
+        n_pb, side = self.network.n_pb, PREVIEW_RESOLUTION
+        axis = np.linspace(-1.0, 1.0, side)
+        points = np.zeros((side * side, n_pb))
+        points[:, 0] = np.tile(axis, side)
+        points[:, 1:2] = np.repeat(axis, side)[:, None]  # nothing to fill where there is one unit
+        scores = score(self.generate(points), self.demonstrations)
+        palette = np.array(matplotlib.colormaps["tab10"].colors)[np.arange(self.demonstrations.n_actions) % 10]
+        image = np.where(scores.appropriate[:, None], palette[scores.nearest], 1.0).reshape(side, side, 3)
+        picture = io.BytesIO()
+        imsave(picture, image, format="png", origin="lower")
+        marks, legend = "", []
+        for place, name in enumerate(self.demonstrations.names):
+            x, y = (50 * (value + 1) for value in (self.pb[place, 0], -self.pb[place, 1] if n_pb > 1 else 0.0))
+            label, colour = html.escape(name), matplotlib.colors.to_hex(palette[place])
+            marks += f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.5" stroke="white"><title>{label}</title></circle>'
+            legend.append(f'<span style="color:{colour}">&#9632;</span> {label}')
+        return (
+            f'<pre>{html.escape(repr(self))}</pre><svg width="240" height="240" viewBox="0 0 100 100">'
+            f'<image width="100" height="100" style="image-rendering:pixelated" '
+            f'href="data:image/png;base64,{base64.b64encode(picture.getvalue()).decode()}"/>{marks}</svg>'
+            f"<p>Nearest basic action (dot: its learned PB): {', '.join(legend)}; white: too fast or not moving</p>"
+        )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the memory to one safetensors file, in one step, and return its path."""
-        header = {
-            "format_version": FORMAT_VERSION,
-            "network": dataclasses.asdict(self.network),
-            "training": dataclasses.asdict(self.training),
-            "joints": list(self.joints),
-            "dt_s": self.dt_s,
-            "actions": list(self.demonstrations.names),
-            "demonstrations_record": self.demonstrations.record,
-            "loss_every": self.loss_every,
-            "best_epoch": self.best_epoch,
-            "best_loss": self.best_loss,
-            "record": self.record,
-        }
+        header = MemoryHeader(
+            format_version=1,
+            network=self.network,
+            training=self.training,
+            joints=self.joints,
+            dt_s=self.dt_s,
+            actions=self.demonstrations.names,
+            demonstrations_record=self.demonstrations.record,
+            loss_every=self.loss_every,
+            best_epoch=self.best_epoch,
+            best_loss=self.best_loss,
+            record=self.record,
+        )
         tensors = {f"parameter/{name}": array for name, array in self.parameters.items()}
         for place, trajectory in enumerate(self.demonstrations.trajectories):
             tensors[f"demonstration/{place}"] = trajectory
         tensors["loss_history"] = self.loss_history.astype(np.float32)
-        return save_tensors(path, kind=KIND, header=header, tensors=tensors)
+        return save_tensors(_path(path, "path"), kind=KIND, header=dump(header), tensors=tensors)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], name: str = "") -> Memory:
@@ -219,80 +299,102 @@ class Memory:
             NotFoundError: If there is no such file.
             FileFormatError: If it is torn, foreign or inconsistent; the message names the part.
         """
+        path = _path(path, "path")
         values, tensors = load_tensors(path, kind=KIND)
-        header = Fields(values, f"{path}: header")
-        header.version("format_version", FORMAT_VERSION)
-        network = settings_from_header(NetworkSettings, header.any("network"), str(path))
-        training = settings_from_header(TrainingSettings, header.any("training"), str(path))
-        joints, names = header.names("joints"), header.names("actions")
-        shapes = parameter_shapes(network, len(joints) * network.n_softmax_units, len(names))
-        parts = [f"demonstration/{place}" for place in range(len(names))]
+        header = parse(MemoryHeader, values, f"{path}: header")
+        shapes = parameter_shapes(
+            header.network, len(header.joints) * header.network.n_softmax_units, len(header.actions)
+        )
+        parts = [f"demonstration/{place}" for place in range(len(header.actions))]
         only_arrays(path, tensors, [*parts, *(f"parameter/{key}" for key in shapes), "loss_history"])
         return cls(
-            network=network,
-            training=training,
+            network=header.network,
+            training=header.training,
             parameters={key: _weights(path, tensors, f"parameter/{key}", shape) for key, shape in shapes.items()},
-            demonstrations=_taught(path, header, tensors, names, joints, network),
+            demonstrations=_demonstrations(path, header, [_trajectory(path, tensors, p, header) for p in parts]),
             loss_history=take(path, tensors, "loss_history", (None,), np.float32),
-            loss_every=header.whole("loss_every", least=1),
-            best_epoch=header.whole("best_epoch", least=0),
-            best_loss=header.number("best_loss"),
-            record=header.object("record").values,
+            loss_every=header.loss_every,
+            best_epoch=header.best_epoch,
+            best_loss=header.best_loss,
+            record=header.record,
             name=name or str(path),
         )
 
 
-def _weights(path: str | os.PathLike[str], tensors: dict[str, np.ndarray], name: str, shape: Any) -> np.ndarray:
-    found = take(path, tensors, name, shape, np.float32)
-    if found.size and np.abs(found).max() > MAX_WEIGHT:
+def _path(value: Any, name: str) -> Path:
+    if not isinstance(value, str | os.PathLike):
+        raise SettingsError(f"`{name}` should be the path of a memory file, but is {shown(value)}")
+    return Path(value)
+
+
+def _weights(path: Path, tensors: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    weights = take(path, tensors, name, shape, np.float32)
+    if weights.size and np.abs(weights).max() > MAX_WEIGHT:
         raise FileFormatError(
             f"{path}: the array `{name}` should hold weights of at most {MAX_WEIGHT:g}, "
-            f"but holds {found.flat[np.abs(found).argmax()]:g}"
+            f"but holds {weights.flat[np.abs(weights).argmax()]:g}"
         )
-    return found
+    return weights
 
 
-def _taught(
-    path: str | os.PathLike[str],
-    header: Fields,
-    tensors: dict[str, np.ndarray],
-    names: tuple[str, ...],
-    joints: tuple[str, ...],
-    network: NetworkSettings,
-) -> Demonstrations:
-    taught = [take(path, tensors, f"demonstration/{i}", (None, len(joints)), np.float64) for i in range(len(names))]
-    for place, trajectory in enumerate(taught):
-        if len(trajectory) > MAX_STEPS:
-            raise FileFormatError(
-                f"{path}: the array `demonstration/{place}` has {len(trajectory)} postures, "
-                f"expected at most {MAX_STEPS}"
-            )
-    record = header.object("demonstrations_record").values
+def _trajectory(path: Path, tensors: dict[str, np.ndarray], name: str, header: MemoryHeader) -> np.ndarray:
+    trajectory = take(path, tensors, name, (None, len(header.joints)), np.float64)
+    if len(trajectory) > MAX_STEPS:
+        raise FileFormatError(
+            f"{path}: the array `{name}` has {len(trajectory)} postures, expected at most {MAX_STEPS}"
+        )
+    return trajectory
+
+
+def _demonstrations(path: Path, header: MemoryHeader, trajectories: list[np.ndarray]) -> Demonstrations:
+    record = header.demonstrations_record
     try:
-        demonstrations = Demonstrations(names, taught, header.number("dt_s"), joints, record)
-        encoding_of(demonstrations, network)
-        return demonstrations
+        demonstrations = Demonstrations(header.actions, trajectories, header.dt_s, header.joints, record)
+        encoding_of(demonstrations, header.network)  # raises where a joint does not move
     except CreativeNaoError as error:
         raise FileFormatError(f"{path}: its demonstrations: {error}") from error
+    return demonstrations
 
 
-def encoding_of(demonstrations: Demonstrations, network: NetworkSettings) -> SoftmaxEncoding:
-    """Return the softmax code whose references span each joint's range in the demonstrations (Eq. 6).
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Walk:
+    """Movements at evenly spaced stops of a path.
+
+    Attributes:
+        pb: The stops, shape (n_points, n_pb).
+        trajectories: What the memory generates at each [rad], shape (n_points, n_steps, n_joints).
+    """
+
+    pb: np.ndarray
+    trajectories: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.pb)
+
+    def __repr__(self) -> str:
+        n_points, n_steps, n_joints = self.trajectories.shape
+        return f"Walk({n_points} movements of {n_steps} ticks and {n_joints} joints, {self.pb.shape[1]} PB units)"
+
+
+def walk(memory: Memory, points: ArrayLike, n_points: int, n_steps: int | None = None) -> Walk:
+    """Stop at evenly spaced places of the line through `points` and generate one movement at each, as in Fig. 5.
+
+    Args:
+        memory: The memory.
+        points: Corners of the line in [-1, 1], shape (n, n_pb).
+        n_points: Stops, the first and the last point among them; at least 1, which is the first point.
+        n_steps: Ticks of each movement; default: as long as the longest basic action.
 
     Raises:
-        SettingsError: If a joint does not move in any demonstration.
+        ShapeError: If `points` is not (n, n_pb) or leaves [-1, 1].
+        SettingsError: If `memory` is none, or `n_points` or `n_steps` is not a whole number of at least 1.
     """
-    angles = np.concatenate(demonstrations.trajectories)
-    spans = np.ptp(angles, axis=0)
-    still = [joint for joint, span in zip(demonstrations.joints, spans, strict=True) if not span > MIN_SPAN_RAD]
-    if still:
-        raise SettingsError(
-            f"{', '.join(still)} never moves in the demonstrations; leave the joint out or let it move, "
-            "since the softmax code spans its range"
-        )
-    return SoftmaxEncoding(
-        angles.min(axis=0), angles.max(axis=0), network.n_softmax_units, network.sigma, network.sigma_unit
-    )
+    check_kind(Memory, memory, "memory")
+    corners = pb_points(points, memory.network.n_pb, "points", least=1)
+    lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+    reached = np.concatenate([[0.0], np.cumsum(lengths)])
+    pb = along(corners, reached, np.linspace(0.0, reached[-1], checked(Count, n_points, "n_points")))
+    return Walk(pb, memory.generate(pb, n_steps))
 
 
 PRETRAINED = Path(__file__).parent / "pretrained"
@@ -314,7 +416,7 @@ def split_memories(split: str) -> tuple[str, ...]:
     Raises:
         NotFoundError: If there is no such part, or none of its memories ships.
     """
-    if split not in SPLITS:
+    if checked(str, split, "split") not in SPLITS:
         raise NotFoundError(f"no split `{split}`{nearest_name(split, SPLITS)}; there are {', '.join(SPLITS)}")
     names = tuple(name for name in shipped_memories() if int(name.split("/")[1]) in SPLITS[split])
     if not names:
@@ -323,9 +425,9 @@ def split_memories(split: str) -> tuple[str, ...]:
 
 
 def split_of(name: str) -> str:
-    """Return the part of the bank that a shipped memory such as ``half/0`` belongs to."""
-    seed = int(name.split("/")[1])
-    return next((split for split, seeds in SPLITS.items() if seed in seeds), "none")
+    """Return the part of the bank that a shipped memory such as ``half/0`` belongs to; ``none`` if to none."""
+    seed = checked(str, name, "name").rpartition("/")[2]
+    return next((split for split, seeds in SPLITS.items() if seed.isdecimal() and int(seed) in seeds), "none")
 
 
 def shipped_scores() -> dict[str, dict[str, Any]]:
@@ -338,9 +440,9 @@ def shipped_scores() -> dict[str, dict[str, Any]]:
 
 def shipped_memories() -> tuple[str, ...]:
     """Return the names of the shipped memories, condition and seed: ``open/0``, ``half/0``, ``closed/0``, ..."""
-    found = [path.stem.rsplit("-", 1) for path in PRETRAINED.glob("*-*.safetensors")]
+    files = [path.stem.rsplit("-", 1) for path in PRETRAINED.glob("*-*.safetensors")]
     order = list(CONDITIONS)
-    return tuple(f"{c}/{s}" for c, s in sorted(found, key=lambda item: (order.index(item[0]), int(item[1]))))
+    return tuple(f"{c}/{s}" for c, s in sorted(files, key=lambda item: (order.index(item[0]), int(item[1]))))
 
 
 def load_memory(name: str | os.PathLike[str]) -> Memory:
@@ -352,13 +454,14 @@ def load_memory(name: str | os.PathLike[str]) -> Memory:
     Raises:
         NotFoundError: If there is neither; the message offers the nearest name.
         FileFormatError: If the file is torn or foreign.
+        SettingsError: If `name` is neither text nor a path.
     """
-    text = os.fspath(name)
+    text = str(_path(name, "name")) if not isinstance(name, str) else name
     names = shipped_memories()
     if text in names:
         condition, seed = text.split("/")
         return Memory.read(PRETRAINED / f"{condition}-{seed}.safetensors", name=text)
-    if Path(text).is_file():
+    if os.path.isfile(text):  # unlike `Path.is_file`, says no to a name with a null character
         return Memory.read(text)
     if text in SPLITS:
         raise NotFoundError(

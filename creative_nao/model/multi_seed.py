@@ -1,18 +1,18 @@
-"""Train many networks side by side: seeds and conditions, on all cores, each with its checkpoint and its fate."""
+"""Multi-seed training: several networks side by side on all cores, each with its own checkpoint and result."""
 
 from __future__ import annotations
 
 import dataclasses
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import overload
 
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.errors import SettingsError, TrainingError
+from creative_nao.errors import SettingsError, TrainingError, shown
 from creative_nao.measures import Criteria, dtw
-from creative_nao.model.config import NetworkSettings, TrainingSettings
+from creative_nao.model.config import NetworkSettings, TrainingSettings, check_kind
 from creative_nao.model.memory import Memory
 from creative_nao.model.training import Progress, train_network
 from creative_nao.runtime import usable_cores
@@ -20,7 +20,7 @@ from creative_nao.runtime import usable_cores
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Trained:
-    """What became of one network.
+    """The result of training one network.
 
     Attributes:
         training: How it was to be trained.
@@ -43,8 +43,9 @@ class Trained:
 
 def reproduction(memory: Memory) -> list[float]:
     """Return the DTW distance of each basic action to what its learned PB generates in closed loop [rad]."""
+    check_kind(Memory, memory, "memory")
     pairs = zip(memory.generate(memory.pb), memory.demonstrations.trajectories, strict=True)
-    return [dtw(generated[: len(taught)], taught) for generated, taught in pairs]
+    return [dtw(generated[: len(action)], action) for generated, action in pairs]
 
 
 def train_many(
@@ -82,7 +83,7 @@ def train_many(
     """
     stop = threading.Event() if stop is None else stop
 
-    def one(training: TrainingSettings) -> Trained:
+    def train_one(training: TrainingSettings) -> Trained:
         path = None if out is None else out(training)
         checkpoint = None if path is None else checkpoint_of(path)
         if resume and path is not None and checkpoint is not None and path.exists():
@@ -102,7 +103,7 @@ def train_many(
         return Trained(training, memory, None)
 
     with ThreadPoolExecutor(n_workers or usable_cores()) as pool:
-        futures = [pool.submit(one, training) for training in wanted]
+        futures = [pool.submit(train_one, training) for training in wanted]
         try:
             done, _ = wait(futures, return_when=FIRST_EXCEPTION)
             for future in done:
@@ -170,7 +171,9 @@ def train(
         raise SettingsError(f"`{unknown[0]}` is no setting of training; there are {', '.join(sorted(known))}")
     if seeds is None:
         return train_network(demonstrations, TrainingSettings(seed=seed, **settings), network, progress=progress)
-    wanted = [TrainingSettings(seed=one, **settings) for one in seeds]
+    if not isinstance(seeds, Iterable):
+        raise SettingsError(f"`seeds` should be a list of whole numbers, but is {shown(seeds)}")
+    wanted = [TrainingSettings(seed=value, **settings) for value in seeds]
     trained = train_many(demonstrations, wanted, network, progress=progress)
     failed = [result for result in trained if result.failure is not None]
     if failed:

@@ -1,12 +1,12 @@
-"""The PB-MTRNN in torch, written to be read: the reference that the compiled engine is tested against (Eq. 1-5).
+"""The PB-MTRNN in torch, written to be read: the reference that compiled code is tested against (Eq. 1-5).
 
-Also here:
-- What training minimises: the divergence of the predicted from the taught codes (Eq. 4).
-- The compiled epoch as a torch function: called like the reference, many times faster.
+`PBMTRNN` is the network, `kl_divergence` the loss, `ReferenceTraining` the training loop; `fused_loss` is the compiled
+loss with its gradient as a torch function.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -74,7 +74,7 @@ class PBMTRNN(nn.Module):
         for t in range(1, codes.shape[1]):
             output = y[:, :n_fast] @ w["w_out"] + w["b_out"]
             log_code = output.unflatten(-1, (-1, n_units)).log_softmax(dim=-1).flatten(-2)  # one softmax per joint (3)
-            from_input = nn.functional.pad(x @ w["w_in"], (0, u.shape[1] - n_fast))  # only P_F hears P_I
+            from_input = nn.functional.pad(x @ w["w_in"], (0, u.shape[1] - n_fast))  # only P_F has input from P_I
             u = (1 - self.rate) * u + self.rate * (drive + y @ w_hidden + from_input)  # Eq. 2
             y = torch.tanh(u)  # Eq. 3
             x = closed_loop_ratio * log_code.exp() + (1 - closed_loop_ratio) * codes[:, t]  # Eq. 5
@@ -100,10 +100,59 @@ def kl_divergence(log_predicted: Tensor, target: Tensor, lengths: Tensor) -> Ten
         target: Codes of all steps, shape (n_actions, n_steps, n_codes); step 0 is given, not predicted.
         lengths: Number of steps of each action, shape (n_actions,); later steps do not count.
     """
-    taught = target[:, 1:]
+    later = target[:, 1:]
     steps = torch.arange(1, target.shape[1], device=target.device)
     counts = (steps < lengths[:, None])[..., None]
-    return torch.where(counts, taught * (taught.log() - log_predicted), 0.0).sum()
+    return torch.where(counts, later * (later.log() - log_predicted), 0.0).sum()
+
+
+class ReferenceTraining:
+    """Training epochs by torch's automatic differentiation and its Adam; used like `CompiledNetwork`.
+
+    Args:
+        settings: Sizes and time constants.
+        codes: Target codes, (n_actions, longest, n_codes) float32, positive.
+        lengths: Steps of each action, (n_actions,).
+    """
+
+    def __init__(self, settings: NetworkSettings, codes: np.ndarray, lengths: np.ndarray) -> None:
+        self._net = PBMTRNN(settings, codes.shape[2], len(codes))
+        self._target, self._lengths = torch.from_numpy(codes), torch.from_numpy(lengths)
+
+    def run_epochs(
+        self,
+        vectors: list[np.ndarray],
+        ratios: np.ndarray,
+        allowed: np.ndarray,
+        epoch: int,
+        best_loss: float,
+        learning_rate: float,
+    ) -> tuple[list[np.ndarray], np.ndarray, int]:
+        """Train for one epoch per ratio, or until the loss is not finite; see `CompiledNetwork.run_epochs`."""
+        vector, first, second, best = vectors
+        net, shapes = self._net, self._net.shapes
+        net.load_parameter_vector(vector)
+        adam = torch.optim.Adam(net.parameters(), lr=learning_rate, betas=(0.9, 0.999), eps=1e-8)
+        for name in shapes:  # nothing is kept between calls, so that a checkpoint holds all there is
+            adam.state[getattr(net, name)] = {
+                "step": torch.tensor(float(epoch)),
+                "exp_avg": torch.from_numpy(views(first, shapes)[name].copy()),
+                "exp_avg_sq": torch.from_numpy(views(second, shapes)[name].copy()),
+            }
+        losses, best_epoch = [], 0
+        for ratio, may_be_best in zip(ratios, allowed, strict=True):
+            adam.zero_grad()
+            loss = kl_divergence(net(self._target, float(ratio)), self._target, self._lengths)
+            if not math.isfinite(loss.item()):
+                break
+            losses.append(loss.item())
+            if may_be_best and losses[-1] < best_loss:
+                best_loss, best_epoch, best = losses[-1], len(losses), net.parameter_vector()
+            loss.backward()
+            adam.step()
+        states = [adam.state[getattr(net, name)] for name in shapes]
+        moments = [np.concatenate([s[key].numpy().ravel() for s in states]) for key in ("exp_avg", "exp_avg_sq")]
+        return [net.parameter_vector(), *moments, best], np.array(losses), best_epoch
 
 
 class _FusedLoss(torch.autograd.Function):

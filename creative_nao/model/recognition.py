@@ -2,30 +2,22 @@
 
 The error as a function of PB is rugged, because a closed loop amplifies small differences tick by tick: neighbouring
 cells of the 200 x 200 map of the shipped open/0 are 12 rad apart by DTW in the mean, more than what parts learned from
-unlearned. The first ticks, though, change smoothly. So the search goes from short to long: many descents, side by side,
-first fit the first ticks, are then shown more and more of the movement, and at every length the best points of an even
-cover of the PB space join them. On open/0, descents at full length alone find 80 % of random points again; from short
-to long it is all of them (benchmarks/recognition.py). In the end a local search lowers the warping distance itself,
-which forgives what squared errors do not: being a tick early or late.
-
-Also here:
-- Error regression: move PB values downhill on the error of what the network generates from them.
+unlearned. The first ticks, though, change smoothly. So the search goes from short to long: many descents of the squared
+error (error regression), side by side, first fit the first ticks, then more and more of the movement, and at every
+length the best points of an even cover of the PB space join them. On open/0, descents at full length alone find 80 % of
+random points again; from short to long it is all of them (benchmarks/recognition.py). In the end a local search lowers
+the warping distance itself, which forgives what squared errors do not: being a tick early or late.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
-from creative_nao.errors import SettingsError, ShapeError
-from creative_nao.measures.dtw import MAX_VALUE, dtw_matrix
-from creative_nao.model.recognition_gradient import DifferentiableGenerator
-
-if TYPE_CHECKING:
-    from creative_nao.model.memory import Memory
-
+from creative_nao.measures.dtw import dtw_matrix
+from creative_nao.model.generation import DIFFERENTIATED_BATCH, ClosedLoopGenerator
 
 LARGEST_STEP = 0.1
 """Of a PB value in one iteration; the approximation is not to be trusted farther."""
@@ -38,95 +30,6 @@ SMALLEST_GAIN = 1e-3
 STATE_PENALTY = 1e-5
 """Weight of a squared initial state beside the mean squared angle error [rad^2]: a state of 1 must explain more than
 this, so that noise is not explained by states that nothing else asks for."""
-
-
-@dataclass(eq=False)
-class Descents:
-    """Where descents stand.
-
-    Attributes:
-        unknowns: PB values and, if sought, initial states of the slowest layer, shape (n, k).
-        error: Mean squared difference of the angles [rad^2], with the penalty of the states, shape (n,).
-    """
-
-    unknowns: np.ndarray
-    error: np.ndarray
-
-    def best(self, n: int, apart: float) -> Descents:
-        """Return the `n` descents of the lowest error; of those closer than `apart` in every value, one."""
-        order = np.argsort(self.error, kind="stable")
-        order = order[distinct(self.unknowns[order], n, apart)]
-        return Descents(self.unknowns[order], self.error[order])
-
-
-def distinct(points: np.ndarray, n: int, apart: float) -> np.ndarray:
-    """Return the places of the first `n` points, each at least `apart` in some value from those before it."""
-    open_ = np.ones(len(points), bool)
-    chosen: list[int] = []
-    while len(chosen) < n and open_.any():
-        place = int(np.argmax(open_))
-        chosen.append(place)
-        open_ &= np.abs(points - points[place]).max(axis=1) > apart
-        open_[place] = False
-    return np.array(chosen, dtype=np.int64)
-
-
-def descend(
-    generator: DifferentiableGenerator, starts: np.ndarray, n_pb: int, target: np.ndarray, n_iterations: int
-) -> Descents:
-    """Lower the squared error from every start.
-
-    The descent is in rho, of which P = tanh(rho) (Eq. 1), seen from P: a step of rho times (1 - P^2) is a step of P,
-    and cutting P at the border of [-1, 1] keeps rho's range without its vanishing slope there.
-
-    Args:
-        generator: The network.
-        starts: Shape (n, k): PB values and, if sought, initial states.
-        n_pb: How many of the k are PB values.
-        target: What should be generated [rad], shape (n_steps, n_joints).
-        n_iterations: At most; a descent ends earlier when it no longer gains.
-    """
-    unknowns = _within(starts, n_pb)
-    k = np.arange(unknowns.shape[1])
-    penalty = np.where(k < n_pb, 0.0, STATE_PENALTY * (target.size - target.shape[1]))  # of the sum, as J^T J is
-
-    def look(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        error, curvature, downhill = generator.normal_equations(points, n_pb, target)
-        curvature[:, k, k] += penalty
-        states = points[:, n_pb:]
-        return error + STATE_PENALTY * (states**2).sum(axis=1), curvature, downhill - penalty * points
-
-    error, curvature, downhill = look(unknowns)
-    damping = np.full(len(unknowns), DAMPING)
-    active = np.arange(len(unknowns))
-    for _ in range(n_iterations):
-        matrix = curvature[active]
-        matrix[:, k, k] += damping[active, None] * matrix[:, k, k] + 1e-9
-        step = np.linalg.solve(matrix, downhill[active][:, :, None])[:, :, 0]
-        step[:, :n_pb] = np.clip(step[:, :n_pb], -LARGEST_STEP, LARGEST_STEP)
-        tried = _within(unknowns[active] + step, n_pb)
-        new_error, new_curvature, new_downhill = look(tried)
-        better = new_error < error[active]
-        gain = error[active] - new_error
-        done = np.abs(tried - unknowns[active]).max(axis=1) < SMALLEST_STEP
-        done |= better & (gain < SMALLEST_GAIN * error[active])
-        moved = active[better]
-        unknowns[moved], error[moved] = tried[better], new_error[better]
-        curvature[moved], downhill[moved] = new_curvature[better], new_downhill[better]
-        damping[moved] /= 5
-        damping[active[~better]] *= 6
-        active = active[~done & (damping[active] < GIVE_UP_DAMPING)]
-        if not len(active):
-            break
-    return Descents(unknowns, error)
-
-
-def _within(unknowns: np.ndarray, n_pb: int) -> np.ndarray:
-    """Return the unknowns as the network sees them: PB values in [-1, 1], everything in float32."""
-    inside = unknowns.astype(np.float32).astype(np.float64)
-    inside[:, :n_pb] = np.clip(inside[:, :n_pb], -1.0, 1.0)
-    return inside
-
 
 N_SCREEN = 4096
 """Points of the even cover: as dense as a grid of 64 x 64 when there are two PB units."""
@@ -187,50 +90,87 @@ class Recognition:
     initial_state: np.ndarray | None
     restarts: Restarts
 
+    def __repr__(self) -> str:
+        pb = ", ".join(f"{value:.4f}" for value in self.pb)
+        initial = "" if self.initial_state is None else ", initial state inferred"
+        return (
+            f"Recognition(pb=[{pb}], DTW distance {self.error:.4g} rad, {len(self.trajectory)} ticks{initial}, "
+            f"{len(self.restarts)} restarts)"
+        )
+
+
+@dataclass(eq=False)
+class Descents:
+    """The state of several descents.
+
+    Attributes:
+        unknowns: PB values and, if sought, initial states of the slowest layer, shape (n, k).
+        error: Mean squared difference of the angles [rad^2], with the penalty of the states, shape (n,).
+    """
+
+    unknowns: np.ndarray
+    error: np.ndarray
+
+    def best(self, n: int, apart: float) -> Descents:
+        """Return the `n` descents of the lowest error; of those closer than `apart` in every value, one."""
+        order = np.argsort(self.error, kind="stable")
+        order = order[distinct(self.unknowns[order], n, apart)]
+        return Descents(self.unknowns[order], self.error[order])
+
+
+class NormalEquations(NamedTuple):
+    """The squared error of n points and its quadratic approximation (Gauss-Newton).
+
+    Attributes:
+        error: Mean squared difference of the angles from the target [rad^2], shape (n,).
+        curvature: J^T J, J the derivative of the angles by the unknowns over ticks and joints, (n, k, k).
+        downhill: J^T (target - angles), shape (n, k).
+    """
+
+    error: np.ndarray
+    curvature: np.ndarray
+    downhill: np.ndarray
+
 
 def infer_pb(
-    memory: Memory,
-    trajectory: np.ndarray,
+    generator: ClosedLoopGenerator,
+    target: np.ndarray,
     *,
-    infer_initial_state: bool = False,
-    n_restarts: int = 48,
-    n_screen: int = N_SCREEN,
-    seed: int = 0,
+    infer_initial_state: bool,
+    n_restarts: int,
+    n_screen: int,
+    seed: int,
 ) -> Recognition:
-    """Find the PB value from which a memory generates a movement, or the most similar one it has.
+    """Find the PB value from which a network generates a movement, or the most similar one it has.
 
     Args:
-        memory: The memory; any number of PB units, joints and layers.
-        trajectory: Joint angles at the memory's tick [rad], shape (n_steps, n_joints), at least two ticks. Time grows
-            with its length.
-        infer_initial_state: Whether to start in the given first posture instead of the memory's own, and to seek the
-            initial internal state of the slowest layer too.
+        generator: The network, starting in its own initial posture.
+        target: Joint angles [rad], shape (n_steps, n_joints), at least two ticks.
+        infer_initial_state: Whether to start in the given first posture instead, and to seek the initial internal
+            states of the slowest layer too, the only ones that are remembered for long.
         n_restarts: Descents side by side.
         n_screen: Points of the even cover of the PB space; with three and more PB units, more help.
         seed: Shifts the cover and draws the trial steps. One seed, one answer.
-
-    Raises:
-        ShapeError: If `trajectory` is not finite or does not have the memory's joints.
-        SettingsError: If `n_restarts` or `n_screen` is below 1, or `seed` below 0.
     """
-    target = _checked(memory, trajectory)
-    for name, value, least in (("n_restarts", n_restarts, 1), ("n_screen", n_screen, 1), ("seed", seed, 0)):
-        if value < least:
-            raise SettingsError(f"`{name}` should be at least {least}, but is {value}")
     rng = np.random.default_rng(seed)
-    posture = target[0] if infer_initial_state else memory.demonstrations.initial_posture
-    generator = DifferentiableGenerator(memory.network, memory.parameters, memory.encoding, posture)
-    n_pb = memory.network.n_pb
+    if infer_initial_state:
+        generator = generator.starting_from(target[0])
+    n_pb = generator.n_pb
     n_unknown = n_pb + (generator.n_slow if infer_initial_state else 0)
-
     horizons = np.unique(np.geomspace(min(FIRST_HORIZON, len(target)), len(target), N_HORIZONS).round().astype(int))
     cover = even_cover(n_screen, n_pb, rng)
     errors = _prefix_errors(generator, cover, target, horizons)
-    found = _from_short_to_long(generator, cover, errors, target, horizons, n_restarts, n_unknown)
+    descents = _from_short_to_long(generator, cover, errors, target, horizons, n_restarts, n_unknown)
     by_warping = _nearest_by_warping(generator, cover, errors[-1], target)
-    unknowns = np.concatenate([found.unknowns, np.pad(by_warping, ((0, 0), (0, n_unknown - n_pb)))])
-    unknowns, error = _polished(generator, unknowns, n_pb, target, rng)
-    return _answer(generator, unknowns, error, n_pb, target)
+    unknowns = np.concatenate([descents.unknowns, np.pad(by_warping, ((0, 0), (0, n_unknown - n_pb)))])
+    unknowns, error = _polished(generator, unknowns, target, rng)
+    trajectories = _generate(generator, unknowns, len(target))
+    squared = ((trajectories[:, 1:] - target[1:]) ** 2).mean(axis=(1, 2))
+    states = None
+    if infer_initial_state:
+        states = np.concatenate([np.zeros(generator.n_hidden - generator.n_slow), unknowns[0, n_pb:]])
+    restarts = Restarts(unknowns[:, :n_pb], error, squared)
+    return Recognition(unknowns[0, :n_pb], float(error[0]), float(squared[0]), trajectories[0], states, restarts)
 
 
 def even_cover(n: int, n_pb: int, rng: np.random.Generator) -> np.ndarray:
@@ -247,38 +187,21 @@ def even_cover(n: int, n_pb: int, rng: np.random.Generator) -> np.ndarray:
     return 2.0 * ((rng.random(n_pb) + np.arange(n)[:, None] * steps) % 1.0) - 1.0
 
 
-def _checked(memory: Memory, trajectory: np.ndarray) -> np.ndarray:
-    target = np.asarray(trajectory, dtype=np.float64)
-    n_joints = len(memory.joints)
-    if target.ndim != 2 or target.shape[1] != n_joints or len(target) < 2:
-        raise ShapeError(
-            f"`trajectory` should have shape (n_steps, {n_joints}), at least two ticks and one column for each of "
-            f"{', '.join(memory.joints)}, but has {target.shape}"
-        )
-    if not (np.abs(target) <= MAX_VALUE).all():
-        tick, joint = np.argwhere(~(np.abs(target) <= MAX_VALUE))[0]
-        raise ShapeError(
-            f"`trajectory` should hold finite angles [rad], but is {target[tick, joint]} at tick {tick}, "
-            f"joint {memory.joints[joint]}"
-        )
-    return target
-
-
 def _prefix_errors(
-    generator: DifferentiableGenerator, cover: np.ndarray, target: np.ndarray, horizons: np.ndarray
+    generator: ClosedLoopGenerator, cover: np.ndarray, target: np.ndarray, horizons: np.ndarray
 ) -> np.ndarray:
     """Return the squared error of every point of the cover over the first ticks, (n_horizons, n)."""
     errors = np.empty((len(horizons), len(cover)))
     size = max(1, SCREEN_TICKS // len(target))
     for start in range(0, len(cover), size):
-        angles = generator.from_pb(cover[start : start + size], len(target))
+        angles = generator(cover[start : start + size], len(target))
         squares = np.cumsum(((angles - target) ** 2).sum(axis=2), axis=1)
         errors[:, start : start + size] = squares[:, horizons - 1].T
     return errors
 
 
 def _from_short_to_long(
-    generator: DifferentiableGenerator,
+    generator: ClosedLoopGenerator,
     cover: np.ndarray,
     errors: np.ndarray,
     target: np.ndarray,
@@ -296,27 +219,28 @@ def _from_short_to_long(
         fresh = cover[order[distinct(cover[order], n_new, apart)]]
         starts = np.concatenate([alive.unknowns, np.pad(fresh, ((0, 0), (0, n_unknown - n_pb)))])
         iterations = LAST_ITERATIONS if horizon == horizons[-1] else ITERATIONS
-        alive = descend(generator, starts, n_pb, target[:horizon], iterations).best(n_restarts, SAME_POINT)
+        alive = descend(generator, starts, target[:horizon], iterations).best(n_restarts, SAME_POINT)
     return alive
 
 
 def _nearest_by_warping(
-    generator: DifferentiableGenerator, cover: np.ndarray, error: np.ndarray, target: np.ndarray
+    generator: ClosedLoopGenerator, cover: np.ndarray, error: np.ndarray, target: np.ndarray
 ) -> np.ndarray:
     """Return the points of the cover nearest to the target by DTW, of those that squared error ranks first."""
     n = int(min(len(cover), max(1, WARPING_CELLS // len(target) ** 2), SCREEN_TICKS // len(target) + 1))
     ranked = cover[np.argsort(error, kind="stable")[:n]]
-    distances = dtw_matrix(generator.from_pb(ranked, len(target)), target[None], np.float32)[:, 0]
+    distances = dtw_matrix(generator(ranked, len(target)), target[None], np.float32)[:, 0]
     return ranked[np.argsort(distances, kind="stable")[:N_POLISHED]]
 
 
 def _polished(
-    generator: DifferentiableGenerator, unknowns: np.ndarray, n_pb: int, target: np.ndarray, rng: np.random.Generator
+    generator: ClosedLoopGenerator, unknowns: np.ndarray, target: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Lower the DTW distance of the most promising points by trial steps around them; return all points, best first."""
+    n_pb = generator.n_pb
     n_most = int(max(N_POLISHED, WARPING_CELLS // len(target) ** 2 // 8))
     unknowns = unknowns[:n_most]
-    error = _warping(generator, unknowns, n_pb, target)
+    error = _warping(generator, unknowns, target)
     order = np.argsort(error, kind="stable")
     unknowns, error = unknowns[order], error[order]
     chosen = distinct(unknowns[:, :n_pb], N_POLISHED, float(POLISH_RADII[1]))
@@ -326,7 +250,7 @@ def _polished(
         trials = np.repeat(best, N_TRIALS, axis=0)
         trials[:, :n_pb] += radius * rng.standard_normal((len(trials), n_pb))
         trials[:, :n_pb] = np.clip(trials[:, :n_pb], -1.0, 1.0)
-        reached = _warping(generator, trials, n_pb, target).reshape(len(best), N_TRIALS)
+        reached = _warping(generator, trials, target).reshape(len(best), N_TRIALS)
         pick = reached.argmin(axis=1)
         lower = np.flatnonzero(reached.min(axis=1) < lowest)
         best[lower] = trials.reshape(len(best), N_TRIALS, -1)[lower, pick[lower]]
@@ -336,15 +260,92 @@ def _polished(
     return unknowns[order], error[order]
 
 
-def _warping(generator: DifferentiableGenerator, unknowns: np.ndarray, n_pb: int, target: np.ndarray) -> np.ndarray:
-    return dtw_matrix(generator.trajectories(unknowns, n_pb, len(target)), target[None])[:, 0]
+def _warping(generator: ClosedLoopGenerator, unknowns: np.ndarray, target: np.ndarray) -> np.ndarray:
+    return dtw_matrix(_generate(generator, unknowns, len(target)), target[None])[:, 0]
 
 
-def _answer(
-    generator: DifferentiableGenerator, unknowns: np.ndarray, error: np.ndarray, n_pb: int, target: np.ndarray
-) -> Recognition:
-    trajectories = generator.trajectories(unknowns, n_pb, len(target))
-    squared = ((trajectories[:, 1:] - target[1:]) ** 2).mean(axis=(1, 2))
-    state = generator.initial_state(unknowns[0, n_pb:]) if unknowns.shape[1] > n_pb else None
-    restarts = Restarts(unknowns[:, :n_pb], error, squared)
-    return Recognition(unknowns[0, :n_pb], float(error[0]), float(squared[0]), trajectories[0], state, restarts)
+def _generate(generator: ClosedLoopGenerator, unknowns: np.ndarray, n_steps: int) -> np.ndarray:
+    pb, states = np.hsplit(unknowns, [generator.n_pb])
+    return generator(pb, n_steps, states if states.size else None)
+
+
+def distinct(points: np.ndarray, n: int, apart: float) -> np.ndarray:
+    """Return the places of the first `n` points, each at least `apart` in some value from those before it."""
+    open_ = np.ones(len(points), bool)
+    chosen: list[int] = []
+    while len(chosen) < n and open_.any():
+        place = int(np.argmax(open_))
+        chosen.append(place)
+        open_ &= np.abs(points - points[place]).max(axis=1) > apart
+        open_[place] = False
+    return np.array(chosen, dtype=np.int64)
+
+
+def descend(generator: ClosedLoopGenerator, starts: np.ndarray, target: np.ndarray, n_iterations: int) -> Descents:
+    """Lower the squared error from every start.
+
+    The descent is in rho, of which P = tanh(rho) (Eq. 1), seen from P: a step of rho times (1 - P^2) is a step of P,
+    and cutting P at the border of [-1, 1] keeps rho's range without its vanishing slope there.
+
+    Args:
+        generator: The network.
+        starts: Shape (n, k): PB values and, if sought, initial states.
+        target: What should be generated [rad], shape (n_steps, n_joints).
+        n_iterations: At most; a descent ends earlier when it no longer gains.
+    """
+    n_pb = generator.n_pb
+    unknowns = _within(starts, n_pb)
+    k = np.arange(unknowns.shape[1])
+    penalty = np.where(k < n_pb, 0.0, STATE_PENALTY * (target.size - target.shape[1]))  # of the sum, as J^T J is
+
+    def evaluate(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        error, curvature, downhill = normal_equations(generator, points, target)
+        curvature[:, k, k] += penalty
+        states = points[:, n_pb:]
+        return error + STATE_PENALTY * (states**2).sum(axis=1), curvature, downhill - penalty * points
+
+    error, curvature, downhill = evaluate(unknowns)
+    damping = np.full(len(unknowns), DAMPING)
+    active = np.arange(len(unknowns))
+    for _ in range(n_iterations):
+        matrix = curvature[active]
+        matrix[:, k, k] += damping[active, None] * matrix[:, k, k] + 1e-9
+        step = np.linalg.solve(matrix, downhill[active][:, :, None])[:, :, 0]
+        step[:, :n_pb] = np.clip(step[:, :n_pb], -LARGEST_STEP, LARGEST_STEP)
+        tried = _within(unknowns[active] + step, n_pb)
+        new_error, new_curvature, new_downhill = evaluate(tried)
+        better = new_error < error[active]
+        gain = error[active] - new_error
+        done = np.abs(tried - unknowns[active]).max(axis=1) < SMALLEST_STEP
+        done |= better & (gain < SMALLEST_GAIN * error[active])
+        moved = active[better]
+        unknowns[moved], error[moved] = tried[better], new_error[better]
+        curvature[moved], downhill[moved] = new_curvature[better], new_downhill[better]
+        damping[moved] /= 5
+        damping[active[~better]] *= 6
+        active = active[~done & (damping[active] < GIVE_UP_DAMPING)]
+        if not len(active):
+            break
+    return Descents(unknowns, error)
+
+
+def _within(unknowns: np.ndarray, n_pb: int) -> np.ndarray:
+    """Return the unknowns as the network sees them: PB values in [-1, 1], everything in float32."""
+    inside = unknowns.astype(np.float32).astype(np.float64)
+    inside[:, :n_pb] = np.clip(inside[:, :n_pb], -1.0, 1.0)
+    return inside
+
+
+def normal_equations(generator: ClosedLoopGenerator, unknowns: np.ndarray, target: np.ndarray) -> NormalEquations:
+    """Compare what each point generates with `target`, (n_steps, n_joints) [rad]; tick 0 is given, not compared."""
+    n, k = unknowns.shape
+    equations = NormalEquations(np.empty(n), np.empty((n, k, k)), np.empty((n, k)))
+    for start in range(0, n, DIFFERENTIATED_BATCH):
+        part = slice(start, min(start + DIFFERENTIATED_BATCH, n))
+        angles, derivatives = generator.differentiate(unknowns[part], len(target))
+        rest = (target[1:, :, None] - angles[1:]).reshape(-1, angles.shape[-1]).T  # (points, angles)
+        jacobian = derivatives[1:].reshape(-1, k, angles.shape[-1]).transpose(2, 0, 1).astype(np.float64)
+        equations.error[part] = (rest**2).mean(axis=1)
+        equations.curvature[part] = jacobian.transpose(0, 2, 1) @ jacobian
+        equations.downhill[part] = (rest[:, None, :] @ jacobian)[:, 0]
+    return equations

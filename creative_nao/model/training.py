@@ -1,10 +1,4 @@
-"""Train one network, with checkpoints from which an interrupted run goes on with the same bits.
-
-Also here:
-- The codes that a network is taught to predict.
-- The two interchangeable ways to run training epochs: compiled (`fused`) and readable (`reference`).
-- Keep the state of a training run in a file, so that a killed run goes on with the same bits.
-"""
+"""Train one network, with checkpoints from which an interrupted run goes on with the same bits."""
 
 from __future__ import annotations
 
@@ -15,50 +9,27 @@ import os
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from creative_nao.arrays import load_tensors, save_tensors, take
+from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.errors import FileFormatError, SettingsError, TrainingError
-from creative_nao.fields import Fields, only_arrays, shown
+from creative_nao.errors import FileFormatError, SettingsError, TrainingError, shown
 from creative_nao.model.config import (
     NetworkSettings,
     TrainingSettings,
     candidates,
+    check_kind,
     closed_loop_ratios,
     initial_vector,
     n_parameters,
     parameter_shapes,
     views,
 )
-from creative_nao.model.memory import MAX_CURVE_POINTS, Memory, encoding_of
-from creative_nao.runtime import record
-
-TARGET_FLOOR = 1e-12
-"""Smallest target probability, so that its logarithm is finite."""
-
-
-def target_codes(
-    trajectories: list[np.ndarray], encode: Callable[[np.ndarray], np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Encode actions of any lengths into one array.
-
-    Args:
-        trajectories: Joint angles [rad], each (n_steps, n_joints).
-        encode: `SoftmaxEncoding.encode`.
-
-    Returns:
-        Codes, shape (n_actions, longest, n_codes) float32, the rows past an action's end filled with its last posture;
-        and the lengths, shape (n_actions,).
-    """
-    lengths = np.array([len(t) for t in trajectories])
-    codes = []
-    for trajectory in trajectories:
-        padding = [(0, int(lengths.max()) - len(trajectory)), (0, 0)]
-        codes.append(encode(np.pad(trajectory, padding, mode="edge")))
-    return np.maximum(np.array(codes), TARGET_FLOOR).astype(np.float32), lengths
+from creative_nao.model.encoding import encoding_of, target_codes
+from creative_nao.model.memory import MAX_CURVE_POINTS, Memory
+from creative_nao.runtime import record as provenance
+from creative_nao.schema import Count, Index, Sha256, checked, dump, parse, record
 
 
 @dataclasses.dataclass
@@ -90,31 +61,38 @@ class TrainingState:
         return cls(vector, np.zeros_like(vector), np.zeros_like(vector), vector.copy(), np.zeros(0))
 
 
-Advance = Callable[[TrainingState, np.ndarray], None]
-
-
 def make_engine(
     network: NetworkSettings, training: TrainingSettings, codes: np.ndarray, lengths: np.ndarray
-) -> Advance:
+) -> Callable[[TrainingState, np.ndarray], None]:
     """Return a function that advances a state in place: `advance(state, ratios)`, one closed-loop ratio per epoch.
 
     Args:
         network: Sizes and time constants.
         training: Learning rate, schedule of the ratio, and the name of the engine.
-        codes: Target codes, (n_actions, longest, n_codes) float32, from `targets.target_codes`.
+        codes: Target codes, (n_actions, longest, n_codes) float32, from `encoding.target_codes`.
         lengths: Steps of each action.
 
     Raises:
         TrainingError: (the returned function) If the loss is not finite; the state stays at the last good epoch.
     """
-    build = {"fused": _fused_engine, "reference": _reference_engine}[training.engine]
-    run_epochs = build(network, training, codes, lengths)
+    if training.engine == "fused":
+        from creative_nao.model.compiled_training import CompiledNetwork
+
+        run_epochs = CompiledNetwork(network, codes, lengths).run_epochs
+    else:
+        from creative_nao.model.network import ReferenceTraining
+
+        run_epochs = ReferenceTraining(network, codes, lengths).run_epochs
 
     def advance(state: TrainingState, ratios: np.ndarray) -> None:
         done = state.epoch
-        losses, best_epoch = run_epochs(state, ratios, candidates(training, ratios))
-        if best_epoch:
-            state.best_epoch, state.best_loss = done + best_epoch, float(losses[best_epoch - 1])
+        vectors = [getattr(state, name) for name in VECTORS]
+        allowed = candidates(training, ratios)
+        vectors, losses, best = run_epochs(vectors, ratios, allowed, done, state.best_loss, training.learning_rate)
+        for name, vector in zip(VECTORS, vectors, strict=True):
+            setattr(state, name, vector)
+        if best:
+            state.best_epoch, state.best_loss = done + best, float(losses[best - 1])
         state.loss_history = np.concatenate([state.loss_history, losses])
         if len(losses) < len(ratios):
             raise TrainingError(
@@ -126,81 +104,19 @@ def make_engine(
     return advance
 
 
-# An engine runs one epoch per ratio, or stops where the loss is not finite; the third argument says which epochs may be
-# the best. It changes the vectors of the state and returns the losses of the epochs done and which of these is the best
-# so far, counted from 1 (0: none).
-RunEpochs = Callable[[TrainingState, np.ndarray, np.ndarray], tuple[np.ndarray, int]]
-
-
-def _fused_engine(
-    network: NetworkSettings, training: TrainingSettings, codes: np.ndarray, lengths: np.ndarray
-) -> RunEpochs:
-    from creative_nao.model.compiled_training import CompiledNetwork
-
-    compiled = CompiledNetwork(network, codes, lengths)
-
-    def run_epochs(state: TrainingState, ratios: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, int]:
-        vectors = [state.vector, state.first_moment, state.second_moment, state.best_vector]
-        vectors, losses, best_epoch = compiled.run_epochs(
-            vectors, ratios, allowed, state.epoch, state.best_loss, training.learning_rate
-        )
-        state.vector, state.first_moment, state.second_moment, state.best_vector = vectors
-        return losses, best_epoch
-
-    return run_epochs
-
-
-def _reference_engine(
-    network: NetworkSettings, training: TrainingSettings, codes: np.ndarray, lengths: np.ndarray
-) -> RunEpochs:
-    import torch
-
-    from creative_nao.model.network import PBMTRNN, kl_divergence
-
-    net = PBMTRNN(network, codes.shape[2], len(codes))
-    target, steps = torch.from_numpy(codes), torch.from_numpy(lengths)
-    adam = torch.optim.Adam(net.parameters(), lr=training.learning_rate, betas=(0.9, 0.999), eps=1e-8)
-
-    def put(state: TrainingState, epoch: int) -> None:
-        # The state is the only memory between calls, so that a checkpoint is complete whatever the engine.
-        net.load_parameter_vector(state.vector)
-        moments = zip(
-            views(state.first_moment, net.shapes).items(), views(state.second_moment, net.shapes).values(), strict=True
-        )
-        for (name, first), second in moments:
-            adam.state[getattr(net, name)] = {
-                "step": torch.tensor(float(epoch - 1)),
-                "exp_avg": torch.from_numpy(first.copy()),
-                "exp_avg_sq": torch.from_numpy(second.copy()),
-            }
-
-    def take(state: TrainingState) -> None:
-        state.vector = net.parameter_vector()
-        states = [adam.state[getattr(net, name)] for name in net.shapes]
-        state.first_moment = np.concatenate([s["exp_avg"].numpy().ravel() for s in states])
-        state.second_moment = np.concatenate([s["exp_avg_sq"].numpy().ravel() for s in states])
-
-    def run_epochs(state: TrainingState, ratios: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, int]:
-        put(state, state.epoch + 1)
-        losses, best_loss, best_epoch = [], state.best_loss, 0
-        for ratio, may_be_best in zip(ratios, allowed, strict=True):
-            adam.zero_grad()
-            loss = kl_divergence(net(target, float(ratio)), target, steps)
-            if not math.isfinite(loss.item()):
-                break
-            losses.append(loss.item())
-            if may_be_best and losses[-1] < best_loss:
-                best_loss, best_epoch, state.best_vector = losses[-1], len(losses), net.parameter_vector()
-            loss.backward()
-            adam.step()
-        take(state)
-        return np.array(losses), best_epoch
-
-    return run_epochs
-
-
 KIND = "checkpoint"
-_VECTORS = ("vector", "first_moment", "second_moment", "best_vector")
+VECTORS = ("vector", "first_moment", "second_moment", "best_vector")
+
+
+@record
+class CheckpointHeader:
+    """What a checkpoint holds beside its arrays: the training it belongs to, and the best epoch so far."""
+
+    network: NetworkSettings
+    training: TrainingSettings
+    demonstrations: Sha256
+    best_loss: float | None
+    best_epoch: Index
 
 
 def save_checkpoint(
@@ -211,13 +127,10 @@ def save_checkpoint(
     training: TrainingSettings,
 ) -> Path:
     """Write the state and what it belongs to, in one step."""
-    header = {
-        **_identity(demonstrations, network, training),
-        "best_loss": state.best_loss if math.isfinite(state.best_loss) else None,
-        "best_epoch": state.best_epoch,
-    }
-    tensors = {name: getattr(state, name) for name in _VECTORS}
-    return save_tensors(path, kind=KIND, header=header, tensors={**tensors, "loss_history": state.loss_history})
+    best_loss = state.best_loss if math.isfinite(state.best_loss) else None
+    header = CheckpointHeader(network, training, _digest(demonstrations), best_loss, state.best_epoch)
+    tensors = {name: getattr(state, name) for name in (*VECTORS, "loss_history")}
+    return save_tensors(path, kind=KIND, header=dump(header), tensors=tensors)
 
 
 def load_checkpoint(
@@ -231,38 +144,36 @@ def load_checkpoint(
         FileFormatError: If the file is torn or foreign.
     """
     values, tensors = load_tensors(path, kind=KIND)
-    header = Fields(values, f"{path}: header")
-    expected = _identity(demonstrations, network, training)
-    for part in ("network", "training"):
-        found = header.object(part).values
-        for field, value in expected[part].items():
-            came = found.get(field)
-            came = tuple(came) if isinstance(came, list) else came
-            if (came != value or isinstance(came, bool) is not isinstance(value, bool)) and field != "n_epochs":
-                raise SettingsError(f"{path}: made with {field}={shown(came)}, but {field}={value!r} is asked for")
-    if header.any("demonstrations") != expected["demonstrations"]:
+    header = parse(CheckpointHeader, values, f"{path}: header")
+    for made_with, asked in ((header.network, network), (header.training, training)):
+        for field in dataclasses.fields(asked):
+            came, expected = getattr(made_with, field.name), getattr(asked, field.name)
+            if came != expected and field.name != "n_epochs":
+                raise SettingsError(
+                    f"{path}: made with {field.name}={shown(came)}, but {field.name}={expected!r} is asked for"
+                )
+    if header.demonstrations != _digest(demonstrations):
         raise SettingsError(f"{path}: made with other demonstrations than those given")
     n_codes = demonstrations.n_joints * network.n_softmax_units
     size = n_parameters(parameter_shapes(network, n_codes, demonstrations.n_actions))
-    only_arrays(path, tensors, [*_VECTORS, "loss_history"])
-    vectors = {name: take(path, tensors, name, (size,), np.float32) for name in _VECTORS}
+    only_arrays(path, tensors, [*VECTORS, "loss_history"])
+    vectors = {name: take(path, tensors, name, (size,), np.float32) for name in VECTORS}
     if (vectors["second_moment"] < 0).any():
         raise FileFormatError(f"{path}: the array `second_moment` should hold means of squares, but some are below 0")
     history = take(path, tensors, "loss_history", (None,), np.float64)
-    best_loss = math.inf if header.any("best_loss") is None else header.number("best_loss")
-    best_epoch = header.whole("best_epoch", least=0, most=len(history))
-    return TrainingState(**vectors, loss_history=history, best_loss=best_loss, best_epoch=best_epoch)
+    if header.best_epoch > len(history):
+        raise FileFormatError(
+            f"{path}: header: `best_epoch` should be at most {len(history)}, but is {header.best_epoch}"
+        )
+    best_loss = math.inf if header.best_loss is None else header.best_loss
+    return TrainingState(**vectors, loss_history=history, best_loss=best_loss, best_epoch=header.best_epoch)
 
 
-def _identity(demonstrations: Demonstrations, network: NetworkSettings, training: TrainingSettings) -> dict[str, Any]:
+def _digest(demonstrations: Demonstrations) -> str:
     digest = hashlib.sha256(repr((demonstrations.names, demonstrations.joints, demonstrations.dt_s)).encode())
     for trajectory in demonstrations.trajectories:
         digest.update(np.ascontiguousarray(trajectory).tobytes())
-    return {
-        "network": dataclasses.asdict(network),
-        "training": dataclasses.asdict(training),
-        "demonstrations": digest.hexdigest(),
-    }
+    return digest.hexdigest()
 
 
 CHUNK_EPOCHS = 100
@@ -304,10 +215,12 @@ def train_network(
         TrainingError: If the loss is no longer finite; the last checkpoint stays as it is.
     """
     network = NetworkSettings() if network is None else network
-    if checkpoint_interval < 1:
-        raise SettingsError(f"`checkpoint_interval` should be at least 1, but is {checkpoint_interval}")
+    check_kind(Demonstrations, demonstrations, "demonstrations")
+    check_kind(TrainingSettings, training, "training")
+    check_kind(NetworkSettings, network, "network")
+    checked(Count, checkpoint_interval, "checkpoint_interval")
     encoding = encoding_of(demonstrations, network)
-    codes, lengths = target_codes(demonstrations.trajectories, encoding.encode)
+    codes, lengths = target_codes(encoding, demonstrations.trajectories)
     if state is None and resume and checkpoint is not None and Path(checkpoint).exists():
         state = load_checkpoint(checkpoint, demonstrations, network, training)
     if state is None:
@@ -346,11 +259,10 @@ def memory_at(
     state: TrainingState,
     command: str | None = None,
 ) -> Memory:
-    """Return the memory that a training would leave if it ended in this state, with the best epoch so far."""
+    """Return the memory of a training that ends in this state, with the best epoch so far."""
     n_codes = demonstrations.n_joints * network.n_softmax_units
     shapes = parameter_shapes(network, n_codes, demonstrations.n_actions)
     every = -(-state.epoch // MAX_CURVE_POINTS)
-    settings = {"network": dataclasses.asdict(network), "training": dataclasses.asdict(training)}
     return Memory(
         network=network,
         training=training,
@@ -360,5 +272,5 @@ def memory_at(
         loss_every=every,
         best_epoch=state.best_epoch,
         best_loss=state.best_loss,
-        record=record(settings=settings, command=command),
+        record=provenance(settings={"network": dump(network), "training": dump(training)}, command=command),
     )

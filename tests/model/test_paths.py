@@ -4,7 +4,7 @@ import pytest
 from creative_nao import load_memory
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.model import walk
-from creative_nao.model.paths import pb_of_each_tick
+from creative_nao.model.generation import pb_of_each_tick
 
 
 def test_a_path_that_stays_is_the_movement_of_that_point(tiny_memory):

@@ -9,16 +9,10 @@ from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.maps import pb_grid
 from creative_nao.measures import dtw, dtw_matrix, score
 from creative_nao.model import NetworkSettings, TrainingSettings, train_network
-from creative_nao.model.recognition import descend, distinct, even_cover, infer_pb
-from creative_nao.model.recognition_gradient import DifferentiableGenerator
+from creative_nao.model.recognition import descend, distinct, even_cover
 
 CELL = 2 / 199
 """Distance of two points of the paper's grid."""
-
-
-def generator_of(memory, posture=None):
-    posture = memory.demonstrations.initial_posture if posture is None else posture
-    return DifferentiableGenerator(memory.network, memory.parameters, memory.encoding, posture)
 
 
 def appropriate_points(memory, n, seed):
@@ -35,35 +29,35 @@ def shipped(request):
 
 def test_what_is_differentiated_is_what_the_memory_generates(tiny_memory):
     pb = np.random.default_rng(0).uniform(-1, 1, (20, 2))
-    angles, _ = generator_of(tiny_memory)._block(pb, 2, 50)
+    angles, _ = tiny_memory.generator.differentiate(pb, 50)
 
     np.testing.assert_allclose(angles[1:].transpose(2, 0, 1), tiny_memory.generate(pb)[:, 1:], atol=2e-5)
 
 
 @pytest.mark.parametrize("n_pb", [1, 2, 4])
-def test_slopes_are_those_of_small_steps(waves, n_pb):
+def test_derivatives_are_those_of_small_steps(waves, n_pb):
     """Every derivative, by PB and by initial state, against the central difference."""
     settings = NetworkSettings(layer_sizes=(7, 5, 3), time_constants=(2, 4, 8), n_pb=n_pb, pb_weight_scale=1.0)
     memory = train_network(waves, TrainingSettings(n_epochs=30), settings)
-    generator = generator_of(memory)
+    generator = memory.generator
     rng = np.random.default_rng(1)
     points = np.concatenate([rng.uniform(-0.9, 0.9, (5, n_pb)), rng.normal(0, 0.5, (5, 3))], axis=1)
-    _, slopes = generator._block(points, n_pb, 20)
+    _, derivatives = generator.differentiate(points, 20)
 
     step = 0.01
     for k in range(n_pb + 3):
         nudge = step * (np.arange(n_pb + 3) == k)
-        above, below = (generator._block(points + sign * nudge, n_pb, 20)[0] for sign in (1, -1))
-        np.testing.assert_allclose(slopes[1:, :, k], ((above - below) / (2 * step))[1:], atol=2e-4)
-    assert np.abs(slopes).max() > 0.01
+        above, below = (generator.differentiate(points + sign * nudge, 20)[0] for sign in (1, -1))
+        np.testing.assert_allclose(derivatives[1:, :, k], ((above - below) / (2 * step))[1:], atol=2e-4)
+    assert np.abs(derivatives).max() > 0.01
 
 
 def test_no_step_of_a_descent_raises_the_error(tiny_memory):
     target = tiny_memory.generate(np.array([[0.4, -0.2]]))[0]
     starts = np.random.default_rng(2).uniform(-1, 1, (6, 2))
-    generator = generator_of(tiny_memory)
+    generator = tiny_memory.generator
 
-    errors = [descend(generator, starts, 2, target, n).error for n in range(8)]
+    errors = [descend(generator, starts, target, n).error for n in range(8)]
 
     assert (np.diff(errors, axis=0) <= 0).all()
     assert (errors[-1] < 0.5 * errors[0]).any()
@@ -168,8 +162,8 @@ def test_the_initial_state_can_be_inferred_too():
     memory = load_memory("half/0")
     rng = np.random.default_rng(7)
     pb, slow = np.array([0.25, -0.4]), rng.normal(0, 0.5, 10)
-    elsewhere = generator_of(memory, memory.demonstrations.initial_posture + rng.normal(0, 0.03, 8))
-    target = elsewhere.trajectories(np.concatenate([pb, slow])[None], 2, 50)[0]
+    elsewhere = memory.generator.starting_from(memory.demonstrations.initial_posture + rng.normal(0, 0.03, 8))
+    target = elsewhere(pb[None], 50, slow[None])[0]
 
     alone, both = memory.infer_pb(target), memory.infer_pb(target, infer_initial_state=True)
 
@@ -205,6 +199,6 @@ def test_a_bad_trajectory_is_named(tiny_memory, trajectory, message):
 @pytest.mark.parametrize("setting", ["n_restarts", "n_screen"])
 def test_a_setting_out_of_range_is_named(tiny_memory, setting):
     with pytest.raises(SettingsError, match=f"`{setting}` should be at least 1, but is 0"):
-        infer_pb(tiny_memory, tiny_memory.demonstrations.trajectories[0], **{setting: 0})
+        tiny_memory.infer_pb(tiny_memory.demonstrations.trajectories[0], **{setting: 0})
     with pytest.raises(SettingsError, match="`seed` should be at least 0, but is -1"):
         tiny_memory.infer_pb(tiny_memory.demonstrations.trajectories[0], seed=-1)

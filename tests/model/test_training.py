@@ -103,9 +103,9 @@ def test_divergence_is_an_error_that_says_where(waves):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"closed_loop_ratio": 1.5}, "`closed_loop_ratio` should be from 0 to 1, but is 1.5"),
-        ({"n_epochs": 0}, "`n_epochs` should be a whole number >= 1, but is 0"),
-        ({"learning_rate": float("nan")}, "`learning_rate` should be a positive number"),
+        ({"closed_loop_ratio": 1.5}, "`closed_loop_ratio` should be at most 1.0, but is 1.5"),
+        ({"n_epochs": 0}, "`n_epochs` should be at least 1, but is 0"),
+        ({"learning_rate": float("nan")}, "`learning_rate` should be a finite number, but is nan"),
         ({"engine": "gpu"}, "`engine` should be `fused` or `reference`"),
         ({"epochs": 3}, "`epochs` is no setting of training"),
     ],
@@ -118,11 +118,11 @@ def test_bad_settings_are_named(waves, settings, message):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"layer_sizes": (4, 0, 3)}, "`layer_sizes` should be positive whole numbers"),
+        ({"layer_sizes": (4, 0, 3)}, "`layer_sizes`, entry 2 should be at least 1, but is 0"),
         ({"time_constants": (2.0,)}, "`time_constants` should be one per layer, 3"),
-        ({"time_constants": (0.5, 1, 1)}, "`time_constants` should be >= 1"),
-        ({"n_softmax_units": 1}, "`n_softmax_units` should be a whole number >= 2"),
-        ({"sigma": 0.0}, "`sigma` should be a positive number"),
+        ({"time_constants": (0.5, 1, 1)}, "`time_constants`, entry 1 should be at least 1"),
+        ({"n_softmax_units": 1}, "`n_softmax_units` should be at least 2"),
+        ({"sigma": 0.0}, "`sigma` should be at least 1e-06, but is 0.0"),
     ],
 )
 def test_bad_sizes_are_named(settings, message):
