@@ -1,5 +1,7 @@
 """The tasks for dm_control by name, as `dm_control.suite.load` has them."""
 
+# dm_control may be missing: pip cannot install it on Python 3.13.
+# pyright: reportMissingImports=false
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -31,10 +33,6 @@ def load(task: str = "boxing", **arguments: Any) -> composer.Environment:
 
     Raises:
         NotFoundError: If there is no such task.
-
-    Example:
-        >>> load("boxing", seed=0).action_spec().shape
-        (8,)
     """
     if task not in TASKS:
         raise NotFoundError(f"no task `{task}`{nearest_name(task, TASKS)}; there are {', '.join(TASKS)}")

@@ -44,6 +44,8 @@ def test_every_version_that_is_tested_is_a_bound():
 
 @pytest.mark.parametrize("need", [*CORE, *EXTRAS["dev"]], ids=str)
 def test_what_is_installed_here_lies_in_its_range(need):
+    if need.marker is not None and not need.marker.evaluate():
+        pytest.skip("not asked for here")
     assert need.specifier.contains(version(need.name))
 
 
