@@ -153,13 +153,17 @@ def record(cls: type[T] | None = None, /, *, closed: bool = True, **options: Any
     return made
 
 
+@overload
+def parse(kind: type[T], values: Any, where: str, *, error: type[CreativeNaoError] = ..., what: str = ...) -> T: ...
+@overload
+def parse(kind: Any, values: Any, where: str, *, error: type[CreativeNaoError] = ..., what: str = ...) -> Any: ...
 def parse(
-    kind: type[T], values: Any, where: str, *, error: type[CreativeNaoError] = FileFormatError, what: str = "text"
-) -> T:
+    kind: Any, values: Any, where: str, *, error: type[CreativeNaoError] = FileFormatError, what: str = "text"
+) -> Any:
     """Return the record that a file or a header holds.
 
     Args:
-        kind: Class made by `record`.
+        kind: Class made by `record`, or any annotation such as `JsonObject`.
         values: JSON as bytes or text; or plain values, as TOML, YAML or a header of arrays gave them.
         where: Beginning of the message; names the file.
         error: What is raised: `FileFormatError`, or `SettingsError` for what a user wrote by hand.
@@ -172,10 +176,7 @@ def parse(
         values = as_text(values, where, what)
     if isinstance(values, str):
         values = as_json(values, where)
-    try:
-        return _record_from(kind, values)
-    except ValueError as fault:
-        raise error(f"{where}{' ' if str(fault).startswith('should be') else ': '}{fault}") from None
+    return _validated(kind, values, where, error)
 
 
 def checked(kind: Any, value: Any, name: str) -> Any:
@@ -184,12 +185,7 @@ def checked(kind: Any, value: Any, name: str) -> Any:
     Raises:
         SettingsError: Naming the argument.
     """
-    try:
-        return _adapter(kind).validate_python(value)
-    except ValidationError as error:
-        raise SettingsError(_message(error, value, f"`{name}`")) from None
-    except RecursionError:
-        raise SettingsError(f"`{name}` is nested too deeply") from None
+    return _validated(kind, value, f"`{name}`", SettingsError)
 
 
 def dump(instance: Any) -> dict[str, Any]:
@@ -277,6 +273,18 @@ def _record_from(kind: type[T], values: Any) -> T:
     return kind(**values)
 
 
+def _validated(kind: Any, values: Any, where: str, error: type[CreativeNaoError]) -> Any:
+    try:
+        return _record_from(kind, values) if _is_record(kind) else _adapter(kind).validate_python(values)
+    except ValidationError as fault:
+        text = _message(fault, values, where)
+    except RecursionError:
+        text = f"{where}: it is nested too deeply"
+    except ValueError as fault:
+        text = f"{where}{' ' if str(fault).startswith('should be') else ': '}{fault}"
+    raise error(text)
+
+
 @functools.lru_cache(maxsize=256)
 def _adapter(kind: Any) -> TypeAdapter[Any]:
     config = None if _is_record(kind) else ConfigDict(strict=True, allow_inf_nan=False)
@@ -325,15 +333,23 @@ _EXPECTED: dict[str, Callable[[dict[str, Any]], str]] = {
     "dataclass_type": lambda _: "a JSON object",
     "dataclass_exact_type": lambda _: "a JSON object",
     "none_required": lambda _: "null",
-    "too_long": lambda told: f"{_collection(told)} of at most {told['max_length']} entries",
-    "too_short": lambda told: f"{_collection(told)} of at least {told['min_length']} entries",
-    "greater_than_equal": lambda told: f"at least {told['ge']}",
-    "greater_than": lambda told: f"above {told['gt']}",
-    "less_than_equal": lambda told: f"at most {told['le']}",
-    "less_than": lambda told: f"below {told['lt']}",
+    "too_long": lambda told: f"{_collection(told)} of at most {_entries(told['max_length'])}",
+    "too_short": lambda told: f"{_collection(told)} of at least {_entries(told['min_length'])}",
+    "greater_than_equal": lambda told: f"at least {_plain(told['ge'])}",
+    "greater_than": lambda told: f"above {_plain(told['gt'])}",
+    "less_than_equal": lambda told: f"at most {_plain(told['le'])}",
+    "less_than": lambda told: f"below {_plain(told['lt'])}",
     "literal_error": lambda told: told["expected"].replace("'", "`"),
     "value_error": lambda told: str(told["error"]),
 }
+
+
+def _plain(bound: float) -> str:
+    return f"{bound:g}" if isinstance(bound, float) else f"{bound}"
+
+
+def _entries(n: int) -> str:
+    return f"{n} entr{'y' if n == 1 else 'ies'}"
 
 
 def _collection(told: Mapping[str, Any]) -> str:

@@ -146,8 +146,8 @@ MAX_DEPTH = 64
 MAX_DIGITS = 40
 """Of a whole number in JSON; the state of a random generator has 39."""
 MAX_YAML_BYTES = 2_000_000
-MAX_YAML_VALUES = 400_000
-"""Of a YAML file, with its aliases written out."""
+MAX_YAML_VALUES = 250_000
+"""Scalars, lists and mappings of a YAML file, with its aliases written out."""
 
 
 def read_bytes(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> bytes:
@@ -272,7 +272,7 @@ def as_yaml(text: str, where: str, most: int = MAX_YAML_VALUES) -> Any:
     try:
         depth = n_values = 0
         for event in yaml.parse(text, Loader=_yaml_loader()):
-            n_values += isinstance(event, yaml.ScalarEvent | yaml.AliasEvent)
+            n_values += isinstance(event, yaml.NodeEvent)
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH or n_values > most:
                 fault = "it is nested too deeply" if depth > MAX_DEPTH else f"it holds more than {most} values"

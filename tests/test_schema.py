@@ -104,7 +104,7 @@ WRONG = [
     ({"format_version": 2, "newer": 1}, "`format_version` should be 1, the version that this release reads, but is 2"),
     ({"format_version": ...}, "`format_version` is missing"),
     ({"jonts": []}, "no key `jonts` (did you mean `joints`?); there are: format_version, joints, "),
-    ({"joints": []}, "`joints` should be a list of at least 1 entries"),
+    ({"joints": []}, "`joints` should be a list of at least 1 entry"),
     ({"joints": ["a", "a"]}, "`joints` should be a list of different names"),
     ({"joints": ["a\nb"]}, "`joints`, entry 1 should be a name of 1 to 200 printable characters, but is 'a\\nb'"),
     ({"joints": "ab"}, "`joints` should be a list, but is 'ab'"),

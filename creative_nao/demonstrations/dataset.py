@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import json
+import io
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from creative_nao.demonstrations.keyframes import DT_S
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name
 from creative_nao.joints import JOINTS, LIMITS_RAD
+from creative_nao.schema import AfterValidator, JsonObject, Names, checked
 
 LIMIT_TOLERANCE_RAD = 0.02
 """How far a recorded angle may lie beyond a joint's range [rad]: gears give, encoders are offset."""
@@ -19,13 +22,26 @@ DT_RANGE_S = (1e-6, 1e4)
 """Shortest and longest tick [s]."""
 
 UNKNOWN_RANGE_RAD = (-1e4, 1e4)
-"""Where an angle of a joint that the robot does not have may lie [rad]: a wheel turns, but not to the stars."""
+"""Where an angle of a joint that the robot does not have may lie [rad]."""
 
 DEGREES_FROM_RAD = 2.0 * np.pi
 """A joint angle of more than a full turn is taken for degrees."""
 
+_MAX_PANELS = 12
+_MAX_NAMES = 8
 
-@dataclass(frozen=True, eq=False)
+
+def _positive(seconds: float) -> float:
+    if seconds <= 0:
+        raise ValueError("a positive number of seconds")
+    return seconds
+
+
+Tick = Annotated[float, AfterValidator(_positive)]
+"""Time from one posture to the next [s]."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Demonstrations:
     """The basic actions a network is trained on and every generated action is compared with.
 
@@ -46,6 +62,8 @@ class Demonstrations:
         >>> demos = Demonstrations(("wave",), [wave], dt_s=0.5, joints=("RElbowRoll",))
         >>> demos.n_actions, round(demos.max_speed, 3)
         (1, 0.5)
+        >>> demos
+        Demonstrations of 1 joint at 0.5 s: wave (5 postures)
     """
 
     names: tuple[str, ...]
@@ -56,36 +74,39 @@ class Demonstrations:
 
     def __post_init__(self) -> None:
         """Check everything, and keep own copies in float64."""
-        object.__setattr__(self, "names", tuple(self.names))
-        object.__setattr__(self, "joints", tuple(self.joints))
-        object.__setattr__(self, "dt_s", float(self.dt_s))
-        for what, words in {"names": self.names, "joints": self.joints}.items():
-            if not words or any(not isinstance(word, str) or not word for word in words):
-                raise SettingsError(f"`{what}` should hold at least one name, each a non-empty text, but is {words}.")
-            if len(set(words)) < len(words):
-                raise SettingsError(f"`{what}` should not repeat a name, but is {words}.")
+        for name, kind in {"names": Names, "joints": Names, "dt_s": Tick, "record": JsonObject}.items():
+            object.__setattr__(self, name, checked(kind, getattr(self, name), name))
         if not DT_RANGE_S[0] <= self.dt_s <= DT_RANGE_S[1]:
             raise SettingsError(
-                f"`dt_s` should be a positive number of seconds, but is {self.dt_s}; "
-                f"{DT_RANGE_S[0]:g} to {DT_RANGE_S[1]:g} s are taken."
+                f"`dt_s` should be a number of seconds from {DT_RANGE_S[0]:g} to {DT_RANGE_S[1]:g}, but is {self.dt_s}"
             )
-        if len(self.trajectories) != len(self.names):
+        trajectories = self.trajectories if isinstance(self.trajectories, list | tuple | np.ndarray) else ()
+        if len(trajectories) != len(self.names):
             raise ShapeError(
                 f"`trajectories` should hold one trajectory for each of the {len(self.names)} names, "
-                f"but holds {len(self.trajectories)}."
+                f"but holds {len(trajectories)}."
             )
-        checked = [
-            _checked(trajectory, f"trajectories[{place}] ({name})", self.joints)
-            for place, (name, trajectory) in enumerate(zip(self.names, self.trajectories, strict=True))
-        ]
-        object.__setattr__(self, "trajectories", checked)
-        try:
-            json.dumps(self.record, allow_nan=False)
-        except (TypeError, ValueError) as error:
-            raise SettingsError(f"`record` should hold plain JSON values only: {error}.") from None
+        angles = []
+        for place, (name, trajectory) in enumerate(zip(self.names, trajectories, strict=True)):
+            called = f"trajectories[{place}] ({name})"
+            angles.append(joint_angles(trajectory, called, self.joints, least=2))
+            if found := outside_range(angles[-1], self.joints):
+                row, column, clause = found
+                raise ShapeError(f"`{called}`: {self.joints[column]} at step {row} {clause} [rad].")
+        object.__setattr__(self, "trajectories", angles)
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def __repr__(self) -> str:
+        told = [f"{name} ({len(one)} postures)" for name, one in zip(self.names, self.trajectories, strict=True)]
+        more = f", and {len(told) - _MAX_NAMES} more" if len(told) > _MAX_NAMES else ""
+        joints = f"{self.n_joints} joint{'s' if self.n_joints > 1 else ''}"
+        return f"Demonstrations of {joints} at {self.dt_s:g} s: {', '.join(told[:_MAX_NAMES])}{more}"
+
+    def _repr_png_(self) -> bytes:
+        """Return the curves of the first actions, for Jupyter."""
+        return draw_curves(dict(zip(self.names, self.trajectories, strict=True)), self.dt_s, self.joints)
 
     @property
     def n_actions(self) -> int:
@@ -110,8 +131,38 @@ class Demonstrations:
     def trajectory(self, name: str) -> np.ndarray:
         """Return the trajectory of the action called `name`."""
         if name not in self.names:
-            raise NotFoundError(f"no basic action `{name}`{nearest_name(name, self.names)}; there are {self.names}.")
+            raise NotFoundError(
+                f"no basic action `{name}`{nearest_name(str(name), self.names)}; there are {self.names}."
+            )
         return self.trajectories[self.names.index(name)]
+
+
+def joint_angles(values: Any, called: str, joints: tuple[str, ...], least: int = 1) -> np.ndarray:
+    """Return an own float64 copy of joint angles, shape (n_steps, n_joints).
+
+    Args:
+        values: The angles.
+        called: What they are, for messages.
+        joints: Name of each column.
+        least: Rows that there should be.
+
+    Raises:
+        ShapeError: If they are no finite numbers of that shape.
+    """
+    try:
+        angles = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ShapeError(f"`{called}` should be an array of numbers, but is {type(values).__name__}.") from None
+    if angles.ndim != 2 or angles.shape[1] != len(joints) or len(angles) < least:
+        raise ShapeError(
+            f"`{called}` should have shape (n_steps >= {least}, {len(joints)}), one column for each of "
+            f"{', '.join(joints)}, but has {angles.shape}."
+        )
+    broken = np.argwhere(~np.isfinite(angles))
+    if len(broken):
+        row, column = broken[0]
+        raise ShapeError(f"`{called}` should hold finite angles, but {joints[column]} at step {row} is not a number.")
+    return angles
 
 
 def outside_range(angles: np.ndarray, joints: tuple[str, ...]) -> tuple[int, int, str] | None:
@@ -139,22 +190,30 @@ def outside_range(angles: np.ndarray, joints: tuple[str, ...]) -> tuple[int, int
     return int(row), int(column), f"is {value:.6g}, {guess} between {lowest} and {highest}"
 
 
-def _checked(trajectory: np.ndarray, called: str, joints: tuple[str, ...]) -> np.ndarray:
-    try:
-        angles = np.array(trajectory, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ShapeError(f"`{called}` should be an array of numbers, but is {type(trajectory).__name__}.") from None
-    if angles.ndim != 2 or angles.shape[1] != len(joints) or len(angles) < 2:
-        raise ShapeError(
-            f"`{called}` should have shape (n_steps >= 2, {len(joints)}), one column for each of {', '.join(joints)}, "
-            f"but has {angles.shape}."
-        )
-    broken = np.argwhere(~np.isfinite(angles))
-    if len(broken):
-        row, column = broken[0]
-        raise ShapeError(f"`{called}` should hold finite angles, but {joints[column]} at step {row} is not a number.")
-    found = outside_range(angles, joints)
-    if found:
-        row, column, clause = found
-        raise ShapeError(f"`{called}`: {joints[column]} at step {row} {clause} [rad].")
-    return angles
+def draw_curves(trajectories: Mapping[str, np.ndarray], dt_s: float, joints: tuple[str, ...]) -> bytes:
+    """Return a PNG picture of joint angles over time, a panel for each of the first trajectories.
+
+    Args:
+        trajectories: Joint angles by name [rad], each of shape (n_steps, n_joints).
+        dt_s: Time from one posture to the next [s].
+        joints: Name of each column.
+    """
+    from matplotlib.figure import Figure
+
+    chosen = dict(list(trajectories.items())[:_MAX_PANELS])
+    n_columns = min(3, len(chosen))
+    n_rows = math.ceil(len(chosen) / n_columns)
+    figure = Figure(figsize=(3.4 * n_columns + 1.6, 1.9 * n_rows + 0.4), layout="constrained")
+    panels = figure.subplots(n_rows, n_columns, squeeze=False, sharex=True, sharey=True).ravel()
+    lines = []
+    for panel, (name, angles) in zip(panels, chosen.items(), strict=False):
+        lines = panel.plot(np.arange(len(angles)) * dt_s, angles, linewidth=1.0)
+        panel.set_title(name, fontsize=9)
+    for panel in panels[len(chosen) :]:
+        panel.set_visible(False)
+    figure.supxlabel("time [s]", fontsize=9)
+    figure.supylabel("angle [rad]", fontsize=9)
+    figure.legend(lines, joints, loc="outside right upper", fontsize=7)
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=90)
+    return content.getvalue()

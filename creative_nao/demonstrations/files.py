@@ -1,7 +1,6 @@
-"""A set of basic actions as a folder: one CSV file an action, named after it, and `record.json` beside them.
+"""Basic actions in files: a folder holds one CSV file an action, named after it, and `record.json`.
 
-Also here:
-- One trajectory as a CSV file: header `time_s,RShoulderPitch,...`, then one posture a line, in seconds and radians.
+A CSV file has the header `time_s,RShoulderPitch,...`, then one posture a line, in seconds and radians.
 """
 
 from __future__ import annotations
@@ -16,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from creative_nao import runtime, storage
-from creative_nao.demonstrations.dataset import Demonstrations, outside_range
+from creative_nao.demonstrations.dataset import Demonstrations, Tick, joint_angles, outside_range
 from creative_nao.demonstrations.keyframes import ACTIONS, DT_S
 from creative_nao.demonstrations.resampling import n_ticks, resample
-from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError, nearest_name
-from creative_nao.fields import Fields, is_plain_name, shown
+from creative_nao.errors import FileFormatError, NotFoundError, nearest_name
 from creative_nao.joints import JOINTS
-from creative_nao.storage import as_json, read_text
+from creative_nao.schema import JsonObject, Names, PlainName, checked, parse
+from creative_nao.storage import read_text
 
 TIME_COLUMN = "time_s"
 MAX_FILE_BYTES = 20_000_000
@@ -52,11 +51,11 @@ def load_trajectory(
         NotFoundError: If there is no such file.
         FileFormatError: If the file does not hold a trajectory; the message says where and why.
     """
-    if not (np.isfinite(dt_s) and dt_s > 0):
-        raise SettingsError(f"`dt_s` should be a positive number of seconds, but is {dt_s}.")
-    path = Path(path)
-    header, rows = _read_table(path)
-    wanted = tuple(name for name in header if name != TIME_COLUMN) if joints is None else joints
+    dt_s, path = checked(Tick, dt_s, "dt_s"), checked_path(path)
+    header, rows = read_table(path, read_text(path, "trajectory", MAX_FILE_BYTES))
+    if len(rows) < 2:
+        raise FileFormatError(f"{path}: has {len(rows)} postures, expected at least 2.")
+    wanted = _joints_of(header) if joints is None else checked(Names, joints, "joints")
     for name in (TIME_COLUMN, *wanted):
         if name not in header:
             raise FileFormatError(
@@ -111,28 +110,32 @@ def save_trajectory(
     Raises:
         ShapeError: If the trajectory is not a finite array of that shape.
     """
-    angles = np.asarray(trajectory, dtype=np.float64)
-    if angles.ndim != 2 or angles.shape[1] != len(joints) or not np.isfinite(angles).all():
-        raise ShapeError(
-            f"`trajectory` should be finite with shape (n_steps, {len(joints)}), one column for each of "
-            f"{', '.join(joints)}, but has {angles.shape}."
-        )
+    dt_s, joints = checked(Tick, dt_s, "dt_s"), checked(Names, joints, "joints")
+    angles = joint_angles(trajectory, "trajectory", joints)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([TIME_COLUMN, *joints])
     for step, posture in enumerate(angles):
         writer.writerow([repr(round(step * dt_s, 9)), *(repr(float(angle)) for angle in posture)])
-    return storage.write_text(path, text.getvalue())
+    return storage.write_text(checked_path(path), text.getvalue())
 
 
-def column_names(path: Path) -> list[str]:
-    """Return the header of a CSV file."""
-    return _read_table(path)[0]
+def checked_path(path: str | os.PathLike[str], name: str = "path") -> Path:
+    """Return the path of a file; a value of another kind raises SettingsError."""
+    return Path(os.fspath(path) if isinstance(path, os.PathLike) else checked(str, path, name))
 
 
-def _read_table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Return the header and the lines, each with its number, all as wide as the header."""
-    table = split_table(path, read_text(path, "trajectory", MAX_FILE_BYTES))
+def _joints_of(header: list[str]) -> tuple[str, ...]:
+    return tuple(name for name in header if name != TIME_COLUMN)
+
+
+def read_table(path: Path, text: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Return the header of CSV text and its lines, each with its number, all as wide as the header.
+
+    Raises:
+        FileFormatError: If it is no such table, or has more than `MAX_CELLS` cells.
+    """
+    table = _split_table(path, text)
     if not table:
         raise FileFormatError(f"{path}: is empty, expected the header `{TIME_COLUMN},{','.join(JOINTS)}`.")
     header = table[0][1]
@@ -147,17 +150,11 @@ def _read_table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
             raise FileFormatError(
                 f"{path}: line {line}: has {len(row)} columns, expected {len(header)} as the header{hint}"
             )
-    if len(table) < 3:
-        raise FileFormatError(f"{path}: has {len(table) - 1} postures, expected at least 2.")
     return header, table[1:]
 
 
-def split_table(path: Path, text: str) -> list[tuple[int, list[str]]]:
-    """Return the cells of CSV text, line by line with the line's number; empty lines are left out.
-
-    Raises:
-        FileFormatError: If it is no CSV, or has more than `MAX_CELLS` cells.
-    """
+def _split_table(path: Path, text: str) -> list[tuple[int, list[str]]]:
+    """Return the cells of CSV text, line by line with the line's number; empty lines are left out."""
     reader = csv.reader(io.StringIO(text, newline=""))
     found, n_cells = [], 0
     try:
@@ -172,11 +169,16 @@ def split_table(path: Path, text: str) -> list[tuple[int, list[str]]]:
     return found
 
 
+def cell_number(cell: str) -> float:
+    """Return a cell as a number, else raise ValueError; 1_000 is none, although Python reads it so."""
+    if "_" in cell:
+        raise ValueError(f"{cell[:40]} should be a number")
+    return float(cell)
+
+
 def _number(cell: str, column: str, path: Path, line: int) -> float:
     try:
-        if "_" in cell:  # Python reads 1_000 as a number, no other program does
-            raise ValueError
-        value = float(cell)
+        value = cell_number(cell)
     except ValueError:
         hint = "; a decimal comma? expected a point" if "," in cell else ""
         raise FileFormatError(f"{path}: line {line}: `{column}` is `{cell[:40]}`, expected a number{hint}.") from None
@@ -201,7 +203,7 @@ def load_demonstrations(
     (a wrist, a current); they are left out and named in the record under `ignored_columns`.
 
     Args:
-        folder: Folder of CSV files as `csv_format.py` describes; each action is named after its file. None: the six.
+        folder: Folder of CSV files as the module describes; each action is named after its file. None: the six.
         dt_s: Tick of the result [s]; files of another rate are resampled.
         joints: Columns to read. None takes every column of the first file, for a robot other than NAO.
 
@@ -217,7 +219,7 @@ def load_demonstrations(
         >>> demos.names[0], len(demos), demos.trajectories[0].shape
         ('left_jab', 6, (50, 8))
     """
-    folder = SHIPPED_FOLDER if folder is None else Path(folder)
+    folder = SHIPPED_FOLDER if folder is None else checked_path(folder, "folder")
     if not folder.is_dir():
         raise NotFoundError(
             f"no folder of basic actions at {folder}; make one with `creative-nao teach --out {folder}`."
@@ -231,14 +233,14 @@ def load_demonstrations(
         raise FileFormatError(f"{folder}: holds {len(files)} CSV files, expected at most {MAX_ACTIONS} actions.")
     if not files:
         raise NotFoundError(f"no CSV file in {folder}; make some with `creative-nao teach --out {folder}`.")
-    if joints is None:
-        joints = tuple(name for name in column_names(files[0]) if name != TIME_COLUMN)
+    joints = _joints_of(_header(files[0])) if joints is None else joints
     trajectories = [load_trajectory(path, dt_s, joints) for path in files]
-    ignored = {path.name: [c for c in column_names(path) if c not in (TIME_COLUMN, *joints)] for path in files}
+    ignored = {path.name: [name for name in _joints_of(_header(path)) if name not in joints] for path in files}
+    beside = folder / RECORD_NAME
     record: dict[str, Any] = {
         "files": {path.name: runtime.sha256(path) for path in files},
         "ignored_columns": {name: columns for name, columns in ignored.items() if columns},
-        "taught": _read_record(folder / RECORD_NAME),
+        "taught": _read_record(beside) if beside.is_file() else None,
     }
     return Demonstrations(tuple(path.stem for path in files), trajectories, dt_s, joints, record)
 
@@ -250,11 +252,9 @@ def save_demonstrations(folder: str | os.PathLike[str], demos: Demonstrations) -
         NotFoundError: If files vanished while the others were written: fewer actions must not pass for all.
         SettingsError: If a name would lead out of the folder.
     """
-    folder = Path(folder)
-    for name in demos.names:
-        if not is_plain_name(name):
-            raise SettingsError(f"an action that becomes a file should have a plain name, but is called {shown(name)}.")
-    paths = [folder / f"{name}.csv" for name in demos.names]
+    folder = checked_path(folder, "folder")
+    names = [checked(PlainName, name, f"names[{place}]") for place, name in enumerate(demos.names)]
+    paths = [folder / f"{name}.csv" for name in names]
     for path, trajectory in zip(paths, demos.trajectories, strict=True):
         save_trajectory(path, trajectory, demos.dt_s, demos.joints)
     storage.write_text(folder / RECORD_NAME, json.dumps(demos.record, indent=2) + "\n")
@@ -263,7 +263,9 @@ def save_demonstrations(folder: str | os.PathLike[str], demos: Demonstrations) -
     return folder
 
 
-def _read_record(path: Path) -> dict[str, Any] | None:
-    if not path.is_file():
-        return None
-    return Fields(as_json(read_text(path, "record of demonstrations"), str(path)), str(path)).values
+def _read_record(path: Path) -> dict[str, Any]:
+    return parse(JsonObject, read_text(path, "record of demonstrations"), f"{path}")
+
+
+def _header(path: Path) -> list[str]:
+    return read_table(path, read_text(path, "trajectory", MAX_FILE_BYTES))[0]

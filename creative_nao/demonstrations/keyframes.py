@@ -8,19 +8,21 @@ ends, `10 s^3 - 15 s^4 + 6 s^5` of the way at the share `s` of the time.
 The key postures are our own. Fists, arms, head and thighs stay more than 1 cm apart, and each wind-up is large: the six
 have to be told apart, by whoever watches and by the distance between them.
 
-Also here:
-- How a person's hand differs from the key postures: timing, reach, slow drift and tremor, all from one generator.
+`vary` gives the path of a person's hand, which differs from the key postures in timing and reach and by slow drift and
+tremor.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.joints import GUARD_ARM_RAD, JOINTS, MIRROR_SIGN, limits
+from creative_nao.schema import Field, record
 
 DT_S = 0.15
 """Time between two postures of a basic action, the network's tick [s]."""
@@ -151,7 +153,7 @@ def keyframes(name: str) -> Movement:
     return Movement(times, np.array(postures))
 
 
-@dataclass(frozen=True)
+@record
 class Variation:
     """How much a person's guidance varies. Zero everywhere gives the key postures exactly.
 
@@ -162,17 +164,10 @@ class Variation:
         tremor_rad: Standard deviation of the hand's tremor in each joint, 8 to 12 Hz [rad].
     """
 
-    timing: float = 0.04
-    reach: float = 0.03
-    drift_rad: float = 0.02
-    tremor_rad: float = 0.004
-
-    def __post_init__(self) -> None:
-        """Refuse settings that no hand has."""
-        for field, largest in {"timing": 0.5, "reach": 0.5, "drift_rad": 0.5, "tremor_rad": 0.1}.items():
-            value = getattr(self, field)
-            if not 0.0 <= value <= largest:
-                raise SettingsError(f"`{field}` should be between 0 and {largest}, but is {value}.")
+    timing: Annotated[float, Field(ge=0, le=0.5)] = 0.04
+    reach: Annotated[float, Field(ge=0, le=0.5)] = 0.03
+    drift_rad: Annotated[float, Field(ge=0, le=0.5)] = 0.02
+    tremor_rad: Annotated[float, Field(ge=0, le=0.1)] = 0.004
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,8 @@
-"""NAOqi's own form, names, times and angles as parallel lists: as JSON, and how such lists become keys.
+"""NAOqi's own form, names, times and angles as parallel lists: as JSON, and as a Python program.
 
-The JSON object maps one to one onto `ALMotion.angleInterpolation(names, angles, times, isAbsolute)`; it needs neither
-Choregraphe nor this package. Every bit of every angle comes back, times to the nanosecond.
-
-Also here:
-- Key lists out of a Python file as Choregraphe exports it, or as `naoqi_script.py` writes it. The file is never run.
-- A movement as a program for the robot: plain Python 2.7 or 3, no package needed but the robot's own.
+The JSON object maps one to one onto `ALMotion.angleInterpolation(names, angles, times, isAbsolute)`. A program that is
+written runs on the robot: plain Python 2.7 or 3, no package needed but the robot's own. One that is read, such as an
+export of Choregraphe, is never run. Every bit of every angle comes back, times to the nanosecond.
 """
 
 from __future__ import annotations
@@ -16,13 +13,22 @@ import json
 from pathlib import Path
 from typing import Any
 
+import jinja2
 import numpy as np
 
 from creative_nao import storage
 from creative_nao.demonstrations.resampling import resample
 from creative_nao.errors import FileFormatError
-from creative_nao.exchange import keys as reading
-from creative_nao.exchange.keys import APPROACH_SPEED_RAD_S, Keys, Motion
+from creative_nao.exchange.keys import (
+    APPROACH_SPEED_RAD_S,
+    Keys,
+    Motion,
+    joint_names,
+    json_object,
+    listed,
+    number,
+    text_of,
+)
 
 FORMAT_NAME = "creative-nao key lists"
 _UNITS = {"rad": "radians", "radian": "radians", "radians": "radians"}
@@ -61,7 +67,7 @@ def read_json(path: Path, content: bytes) -> Keys:
     Raises:
         FileFormatError: If a list is missing or of the wrong kind, or the angles are relative.
     """
-    found = reading.as_json(path, reading.as_text(path, content))
+    found = json_object(path, text_of(path, content))
     angles = found.get("angles", found.get("keys"))
     if angles is None or "names" not in found or "times" not in found:
         raise FileFormatError(
@@ -86,8 +92,8 @@ def keys_of(path: Path, names: object, times: object, angles: object) -> Keys:
     Raises:
         FileFormatError: If they are not lists of numbers of matching lengths.
     """
-    joints = reading.names(names, path, "`names`")
-    when, where = reading.listed(times, path, "`times`"), reading.listed(angles, path, "`angles`")
+    joints = joint_names(names, f"{path}: `names`")
+    when, where = listed(times, f"{path}: `times`"), listed(angles, f"{path}: `angles`")
     if when and not isinstance(when[0], list | tuple):
         when = [when] * len(joints)
     if len(when) != len(joints) or len(where) != len(joints):
@@ -98,18 +104,15 @@ def keys_of(path: Path, names: object, times: object, angles: object) -> Keys:
     bent = False
     all_times, all_angles = [], []
     for joint, row_times, row_angles in zip(joints, when, where, strict=True):
-        row = reading.listed(row_angles, path, f"`angles` of {joint[:40]}")
+        of = f"of {joint[:40]}"
+        row = listed(row_angles, f"{path}: `angles` {of}")
         bent = bent or any(isinstance(key, list | tuple) for key in row)
-        all_angles.append(np.array([_angle(key, path, joint) for key in row], dtype=np.float64))
-        row = reading.listed(row_times, path, f"`times` of {joint[:40]}")
-        all_times.append(np.array([reading.number(t, path, f"a time of {joint[:40]}") for t in row], dtype=np.float64))
+        points = [key[0] if isinstance(key, list | tuple) and len(key) == 3 else key for key in row]
+        all_angles.append(np.array([number(point, f"{path}: an angle {of}") for point in points], dtype=np.float64))
+        row = listed(row_times, f"{path}: `times` {of}")
+        all_times.append(np.array([number(time, f"{path}: a time {of}") for time in row], dtype=np.float64))
     notes = ["Bezier handles were left out; between keys a monotone cubic is taken"] if bent else []
     return Keys(joints, all_times, all_angles, notes=notes)
-
-
-def _angle(key: object, path: Path, joint: str) -> float:
-    value = key[0] if isinstance(key, list | tuple) and len(key) == 3 else key
-    return reading.number(value, path, f"an angle of {joint[:40]}")
 
 
 MAX_PYTHON_BYTES = 2_000_000
@@ -133,7 +136,7 @@ def read_python(path: Path, content: bytes) -> Keys:
         raise FileFormatError(
             f"{path}: has {len(content)} bytes, expected at most {MAX_PYTHON_BYTES} of a Python file."
         )
-    text = _without_print_statements(reading.as_text(path, content))
+    text = _without_print_statements(text_of(path, content))
     try:
         tree = ast.parse(text)
         found = _gathered(path, tree)
@@ -171,7 +174,9 @@ def _gathered(path: Path, tree: ast.Module) -> dict[str, list[Any]]:
                     f"{path}: line {node.lineno}: `{name}` begins anew; the file holds more than one movement, "
                     "keep one."
                 )
-            found[name] = [] if node.value is None or _is_empty(node.value) else _list(path, node.value, name)
+            value = node.value
+            literal = [] if value is None or _is_empty(value) else _literal(path, value, name)
+            found[name] = listed(literal, f"{path}: line {node.lineno}: `{name}`")
     return found
 
 
@@ -182,10 +187,6 @@ def _list_name(node: ast.expr) -> str:
 
 def _is_empty(node: ast.expr) -> bool:
     return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "list" and not node.args
-
-
-def _list(path: Path, node: ast.expr, name: str) -> list[Any]:
-    return reading.listed(_literal(path, node, name), path, f"line {node.lineno}: `{name}`")
 
 
 def _literal(path: Path, node: ast.expr, name: str) -> Any:
@@ -216,104 +217,22 @@ MAX_KEYS_PER_S = 50
 
 _SHORTEST_S = 1.0 / MAX_KEYS_PER_S
 
-_HEAD = '''#!/usr/bin/env python
-# -*- coding: ascii -*-
-"""Let a NAO perform a recorded movement of its arms, or print what it would do.
-
-    python {file} --ip 192.168.1.12 --slower 3     first, slowly
-    python {file} --ip 192.168.1.12
-
-The robot must stand or sit safely and have room for its arms. Stiffness of the arm joints is raised for the movement
-and set back afterwards. Without --ip, or where neither naoqi nor qi is installed, this is a dry run.
-Needs Python 2.7 or 3.
-"""
-from __future__ import print_function
-
-import argparse
-import json
-import sys
-
-# Angles are absolute [rad], times in seconds from the start of the call. The first key leaves the time to reach the
-# first posture from anywhere at {approach} rad/s at most.
-'''
-
-_TAIL = '''
-
-def connect(ip, port):
-    """Return the robot's motion service, or None where no library to reach a robot is installed."""
-    try:
-        from naoqi import ALProxy
-    except ImportError:
-        try:
-            import qi
-        except ImportError:
-            return None
-        session = qi.Session()
-        session.connect("tcp://%s:%d" % (ip, port))
-        return session.service("ALMotion")
-    return ALProxy("ALMotion", ip, port)
-
-
-def dry_run(when, stiffness):
-    """Print what the robot would be asked."""
-    print("dry run: nothing is sent to a robot")
-    print("source: %s" % json.dumps(metadata.get("source", "unknown")))  # ASCII, whatever the console
-    print("stiffness %.2f, %d joints, %.2f s, first posture after %.2f s" % (
-        stiffness, len(names), when[0][-1], when[0][0]))
-    for name, one_times, one_keys in zip(names, when, keys):
-        steps = zip(one_keys[1:], one_keys[:-1], one_times[1:], one_times[:-1])
-        fastest = max([abs(b - a) / (t - s) for b, a, t, s in steps] or [0.0])
-        print("%-16s %4d keys, %7.3f to %7.3f rad, up to %5.2f rad/s" % (
-            name, len(one_keys), min(one_keys), max(one_keys), fastest))
-
-
-def main():
-    parser = argparse.ArgumentParser(description="Perform a recorded movement on a NAO.")
-    parser.add_argument("--ip", default="", help="address of the robot; without it this is a dry run")
-    parser.add_argument("--port", type=int, default=9559, help="port of the robot (default: 9559)")
-    parser.add_argument("--stiffness", type=float, default=0.8, help="0 to 1, of the arm joints (default: 0.8)")
-    parser.add_argument("--slower", type=float, default=1.0, help="how many times slower, at least 1 (default: 1)")
-    parser.add_argument("--dry-run", action="store_true", help="print what would be done")
-    options = parser.parse_args()
-    if not 0.0 < options.stiffness <= 1.0:
-        parser.error("--stiffness should be above 0 and at most 1")
-    if not options.slower >= 1.0:
-        parser.error("--slower should be at least 1")
-    when = [[t * options.slower for t in one] for one in times]
-    motion = None
-    if options.ip and not options.dry_run:
-        motion = connect(options.ip, options.port)
-        if motion is None:
-            print("neither naoqi nor qi is installed", file=sys.stderr)
-    if motion is None:
-        dry_run(when, options.stiffness)
-        return 0
-    before = motion.getStiffnesses(names)
-    motion.stiffnessInterpolation(names, [options.stiffness] * len(names), [0.5] * len(names))
-    try:
-        motion.angleInterpolation(names, keys, when, True)
-    finally:
-        motion.stiffnessInterpolation(names, list(before), [1.0] * len(names))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
-'''
-
 
 def script(motion: Motion, file: str = "movement.py") -> str:
     """Return the program's text; `file` is the name by which its help calls it."""
-    lead = motion.lead_s()
-    times = motion.times_s(lead)
-    called = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in file)
-    lines = [
-        f"names = {_naoqi_script_rows([ascii(joint) for joint in motion.joints])}",
-        f"times = {_naoqi_script_rows([repr(times)] * len(motion.joints))}",
-        f"keys = {_naoqi_script_rows([repr(column.tolist()) for column in motion.angles.T])}",
-        f"metadata = json.loads({json.dumps(motion.metadata)!a})",
-    ]
-    return _HEAD.format(file=called, approach=APPROACH_SPEED_RAD_S) + "\n".join(lines) + "\n" + _TAIL
+    environment = jinja2.Environment(  # noqa: S701 - a program, no page: every value is a Python literal
+        loader=jinja2.PackageLoader("creative_nao.exchange"),
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template("naoqi_program.py.jinja").render(
+        file="".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in file),
+        approach=APPROACH_SPEED_RAD_S,
+        names=[ascii(joint) for joint in motion.joints],
+        times=[repr(motion.times_s(motion.lead_s()))] * len(motion.joints),
+        keys=[repr(column.tolist()) for column in motion.angles.T],
+        metadata=ascii(json.dumps(motion.metadata)),
+    )
 
 
 def write_script(motion: Motion, path: Path) -> list[str]:
@@ -327,7 +246,3 @@ def write_script(motion: Motion, path: Path) -> list[str]:
     storage.write_text(path, script(motion, path.name))
     path.chmod(path.stat().st_mode | 0o111)
     return [*notes, f"the first posture is reached after {motion.lead_s():g} s"]
-
-
-def _naoqi_script_rows(values: list[str]) -> str:
-    return "[\n    " + ",\n    ".join(values) + ",\n]"

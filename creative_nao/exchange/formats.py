@@ -1,4 +1,4 @@
-"""The one door: write a movement in any format, read one from any file."""
+"""Write a movement in any format, read one from any file."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from creative_nao import storage
-from creative_nao.errors import NotFoundError, SettingsError, nearest_name
-from creative_nao.exchange import choregraphe, keys, ros, tables
-from creative_nao.exchange.keys import Keys, Motion, Recording, to_motion
+from creative_nao.demonstrations.files import checked_path
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name, shown
+from creative_nao.exchange import choregraphe, ros, tables
+from creative_nao.exchange.keys import MAX_FILE_BYTES, Keys, Motion, Recording, to_motion
 from creative_nao.exchange.safety import Unsafe, made_safe
 from creative_nao.joints import JOINTS
 
@@ -71,7 +72,7 @@ def format_for(path: str | os.PathLike[str]) -> str:
     Raises:
         SettingsError: If no format has this ending.
     """
-    ending = Path(path).suffix.lower()
+    ending = checked_path(path).suffix.lower()
     for name, one in FORMATS.items():
         if ending in one.endings:
             return name
@@ -98,10 +99,10 @@ def write(
         NotFoundError: If there is no such format.
         SettingsError: If the ending does not fit the format, or an unsafe movement is to be kept in a robot's format.
     """
-    path = Path(path)
-    name = format_for(path) if format is None else format
-    if name not in FORMATS:
-        raise NotFoundError(f"no format `{name}`{nearest_name(name, FORMATS)}; there are {', '.join(FORMATS)}.")
+    path = checked_path(path)
+    if not isinstance(motion, Motion):
+        raise SettingsError(f"`motion` should be a `Motion`, but is {shown(motion)}.")
+    name = format_for(path) if format is None else _known(format)
     one = FORMATS[name]
     if path.suffix.lower() not in one.endings:
         raise SettingsError(f"a file of the format {name} should end in {' or '.join(one.endings)}, but is {path}.")
@@ -162,10 +163,16 @@ def read(
         NotFoundError: If there is no such file or format.
         FileFormatError: If the file does not hold a movement; the message names the file, the part and the reason.
     """
-    path = Path(path)
-    content = keys.read_bytes(path)
-    name = recognise(path, content) if format is None else format
-    if name not in FORMATS:
-        raise NotFoundError(f"no format `{name}`{nearest_name(name, FORMATS)}; there are {', '.join(FORMATS)}.")
+    path = checked_path(path)
+    content = storage.read_bytes(path, "movement", MAX_FILE_BYTES)
+    if not content.strip():
+        raise FileFormatError(f"{path}: is empty, expected a movement.")
+    name = recognise(path, content) if format is None else _known(format)
     motion, notes = to_motion(FORMATS[name].read(path, content), path, dt_s, joints)
     return Recording(motion, name, notes)
+
+
+def _known(name: str) -> str:
+    if name not in FORMATS:
+        raise NotFoundError(f"no format `{name}`{nearest_name(str(name), FORMATS)}; there are {', '.join(FORMATS)}.")
+    return name

@@ -1,16 +1,11 @@
-"""What every importer gives: keys, each joint with times and angles of its own. From them, a movement at one tick.
+"""A movement on its way to or from a file: `Motion`, and the keys that every importer gives.
 
 Joint names may come in any order; the unit of the angles is recognised; everything that was recognised, left out or
 changed on the way is said in notes.
-
-Also here:
-- A movement on its way to a file: angles, tick, joints, and what is known about where it comes from.
-- Text and JSON from files that anybody may have made: bounded in size and depth, one clear error for every fault.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,13 +14,19 @@ from typing import Any
 import numpy as np
 
 from creative_nao import storage
-from creative_nao.demonstrations.dataset import DEGREES_FROM_RAD, LIMIT_TOLERANCE_RAD
+from creative_nao.demonstrations.dataset import (
+    DEGREES_FROM_RAD,
+    LIMIT_TOLERANCE_RAD,
+    Tick,
+    draw_curves,
+    joint_angles,
+)
 from creative_nao.demonstrations.files import LARGEST_TIME_S, SHORTEST_STEP_S
 from creative_nao.demonstrations.keyframes import DT_S
 from creative_nao.demonstrations.resampling import monotone_cubic, n_ticks, resample
-from creative_nao.errors import FileFormatError, SettingsError, ShapeError, nearest_name
-from creative_nao.fields import Fields
+from creative_nao.errors import FileFormatError, SettingsError, nearest_name, shown
 from creative_nao.joints import JOINTS, LIMITS_RAD
+from creative_nao.schema import JsonObject, Names, checked, parse
 
 CYCLE_S = 0.010
 """Cycle of the robot's device controller [s]; ticks made here are whole numbers of it."""
@@ -36,10 +37,20 @@ APPROACH_SPEED_RAD_S = 1.5
 MIN_LEAD_S = 1.0
 """Shortest time for that way [s]."""
 
+MAX_FILE_BYTES = 20_000_000
+"""Larger files are refused before they are read."""
+
+MAX_POSTURES = 20_000
+"""Longest movement that is read, in postures."""
+
+LARGEST_ANGLE = 1e6
+"""Largest angle that is read, in radians or degrees."""
+
 _ROUNDING = 1e-9
+_EVEN_S = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Motion:
     """A trajectory with its tick, checked once when it is made.
 
@@ -54,8 +65,8 @@ class Motion:
         SettingsError: If `dt_s` is not positive, a name is not plain ASCII or repeats, or `metadata` is not JSON.
 
     Example:
-        >>> Motion(np.zeros((3, 1)), 0.1, ("RElbowYaw",)).duration_s
-        0.2
+        >>> Motion(np.zeros((3, 1)), 0.1, ("RElbowYaw",))
+        Motion of 1 joint: 3 postures at 0.1 s, 0.2 s long
     """
 
     angles: np.ndarray
@@ -65,30 +76,20 @@ class Motion:
 
     def __post_init__(self) -> None:
         """Check everything, and keep an own copy in float64."""
-        object.__setattr__(self, "joints", tuple(self.joints))
-        object.__setattr__(self, "dt_s", float(self.dt_s))
-        angles = np.array(self.angles, dtype=np.float64)
-        if angles.ndim != 2 or angles.shape[1] != len(self.joints) or len(angles) < 1:
-            raise ShapeError(
-                f"`angles` should have shape (n_steps, {len(self.joints)}), one column for each of "
-                f"{', '.join(self.joints)}, but has {angles.shape}."
-            )
-        broken = np.argwhere(~np.isfinite(angles))
-        if len(broken):
-            row, column = broken[0]
-            raise ShapeError(f"`angles` should be finite, but {self.joints[column]} at step {row} is not a number.")
-        if not (math.isfinite(self.dt_s) and self.dt_s > 0):
-            raise SettingsError(f"`dt_s` should be a positive number of seconds, but is {self.dt_s}.")
+        for name, kind in {"joints": Names, "dt_s": Tick, "metadata": JsonObject}.items():
+            object.__setattr__(self, name, checked(kind, getattr(self, name), name))
         for name in self.joints:
             if not (name.isascii() and name.replace("_", "a").replace("/", "a").isalnum()):
                 raise SettingsError(f"`joints`: a name should be ASCII letters, digits, _ and /, but one is {name!r}.")
-        if len(set(self.joints)) < len(self.joints):
-            raise SettingsError(f"`joints` should not repeat a name, but is {self.joints}.")
-        try:
-            json.dumps(self.metadata, allow_nan=False)
-        except (TypeError, ValueError) as error:
-            raise SettingsError(f"`metadata` should hold plain JSON values only: {error}.") from None
-        object.__setattr__(self, "angles", angles)
+        object.__setattr__(self, "angles", joint_angles(self.angles, "angles", self.joints))
+
+    def __repr__(self) -> str:
+        joints = f"{len(self.joints)} joint{'s' if len(self.joints) > 1 else ''}"
+        return f"Motion of {joints}: {len(self.angles)} postures at {self.dt_s:g} s, {self.duration_s:g} s long"
+
+    def _repr_png_(self) -> bytes:
+        """Return the curves of the joints, for Jupyter."""
+        return draw_curves({str(self.metadata.get("source", ""))[:60]: self.angles}, self.dt_s, self.joints)
 
     @property
     def duration_s(self) -> float:
@@ -113,98 +114,6 @@ class Motion:
             farthest = max(farthest, angle - low, high - angle)
         seconds = max(MIN_LEAD_S, farthest / APPROACH_SPEED_RAD_S)
         return round(math.ceil(seconds / CYCLE_S - _ROUNDING) * CYCLE_S, 9)
-
-
-MAX_FILE_BYTES = 20_000_000
-"""Larger files are refused before they are read."""
-
-
-def read_bytes(path: Path, largest: int = MAX_FILE_BYTES) -> bytes:
-    """Return the content of a file of at most `largest` bytes.
-
-    Raises:
-        NotFoundError: If there is no such file.
-        FileFormatError: If it is larger, or empty.
-    """
-    content = storage.read_bytes(path, "movement", largest)
-    if not content.strip():
-        raise FileFormatError(f"{path}: is empty, expected a movement.")
-    return content
-
-
-def as_text(path: Path, content: bytes) -> str:
-    """Return UTF-8 text.
-
-    Raises:
-        FileFormatError: If it is not.
-    """
-    return storage.as_text(content, str(path), "movement")
-
-
-def as_json(path: Path, text: str) -> dict[str, Any]:
-    """Return the object that JSON text holds.
-
-    Raises:
-        FileFormatError: If it is torn, nested too deeply, holds NaN, or is not an object.
-    """
-    return Fields(storage.as_json(text, str(path)), str(path)).values
-
-
-def number(value: object, path: Path, where: str) -> float:
-    """Return a value as a finite number; `where` tells the message what it is.
-
-    Raises:
-        FileFormatError: If it is text, a truth value, not finite, or anything else.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise FileFormatError(f"{path}: {where} is {_shown(value)}, expected a number.")
-    try:
-        found = float(value)
-    except OverflowError:
-        found = math.inf
-    if not math.isfinite(found):
-        raise FileFormatError(f"{path}: {where} is {_shown(value)}, expected a finite number.")
-    return found
-
-
-def listed(value: object, path: Path, where: str) -> list[Any]:
-    """Return a value that should be a list (or a tuple), as a list.
-
-    Raises:
-        FileFormatError: If it is anything else.
-    """
-    if not isinstance(value, list | tuple):
-        raise FileFormatError(f"{path}: {where} should be a list, but is {_shown(value)}.")
-    return list(value)
-
-
-def names(value: object, path: Path, where: str) -> tuple[str, ...]:
-    """Return a list of joint names.
-
-    Raises:
-        FileFormatError: If it is not a list of texts, or is empty.
-    """
-    found = listed(value, path, where)
-    if not found or not all(isinstance(name, str) for name in found):
-        raise FileFormatError(f"{path}: {where} should be a list of joint names, but is {_shown(value)}.")
-    return tuple(found)
-
-
-def _shown(value: object) -> str:
-    """Return the beginning of a value for a message; the whole one may be huge."""
-    if isinstance(value, list | tuple | dict):
-        return f"a {type(value).__name__} of {len(value)}"
-    if isinstance(value, int) and abs(value) > 10**30:
-        return "a huge whole number"
-    return repr(value)[:60]
-
-
-MAX_POSTURES = 20_000
-"""Longest movement that is read, in postures."""
-
-LARGEST_ANGLE = 1e6
-"""In radians or degrees: a motor turns, but not to the stars."""
-_EVEN_S = 1e-6
 
 
 @dataclass
@@ -237,6 +146,42 @@ class Recording:
     notes: tuple[str, ...]
 
 
+def text_of(path: Path, content: bytes) -> str:
+    """Return the content of a movement's file as UTF-8 text."""
+    return storage.as_text(content, str(path), "movement")
+
+
+def json_object(path: Path, text: str) -> dict[str, Any]:
+    """Return the object that JSON text holds."""
+    return parse(JsonObject, text, str(path))
+
+
+def number(value: object, where: str) -> float:
+    """Return a value of a file as a finite number; `where` begins the message.
+
+    Raises:
+        FileFormatError: If it is text, a truth value, not finite, or anything else.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not -1e300 < value < 1e300:
+        raise FileFormatError(f"{where} is {shown(value)}, expected a number.")
+    return float(value)
+
+
+def listed(value: object, where: str) -> list[Any]:
+    """Return a value of a file that should be a list (or a tuple), as a list; `where` begins the message."""
+    if not isinstance(value, list | tuple):
+        raise FileFormatError(f"{where} should be a list, but is {shown(value)}.")
+    return list(value)
+
+
+def joint_names(value: object, where: str) -> tuple[str, ...]:
+    """Return a list of joint names of a file; `where` begins the message."""
+    found = listed(value, where)
+    if not found or not all(isinstance(name, str) for name in found):
+        raise FileFormatError(f"{where} should be a list of joint names, but is {shown(value)}.")
+    return tuple(found)
+
+
 def to_motion(
     keys: Keys, path: Path, dt_s: float | None, joints: tuple[str, ...] | None
 ) -> tuple[Motion, tuple[str, ...]]:
@@ -252,17 +197,16 @@ def to_motion(
         FileFormatError: If a wanted joint is missing, times do not rise, or the movement is too short or too long.
         SettingsError: If `dt_s` is not positive.
     """
-    if dt_s is not None and not (np.isfinite(dt_s) and dt_s > 0):
-        raise SettingsError(f"`dt_s` should be a positive number of seconds, but is {dt_s}.")
+    dt_s = None if dt_s is None else checked(Tick, dt_s, "dt_s")
     notes = list(keys.notes)
-    wanted = keys.joints if joints is None else joints
+    wanted = keys.joints if joints is None else checked(Names, joints, "joints")
     columns = _columns(keys.joints, wanted, path)
     ignored = [name for name in keys.joints if name not in wanted]
     if ignored:
         notes.append(f"left out, not among the wanted joints: {', '.join(ignored)[:300]}")
     times, angles = [keys.times[c] for c in columns], [keys.angles[c] for c in columns]
     for name, when, where in zip(wanted, times, angles, strict=True):
-        _check(name, when, where, path)
+        _check(f"{path}: {name}", when, where)
     angles = _in_radians(wanted, angles, keys.unit, notes)
     when, postures = _together(times, angles, notes)
     return _at_one_tick(keys, path, when, postures, dt_s, wanted, notes), tuple(notes)
@@ -280,26 +224,24 @@ def _columns(present: tuple[str, ...], wanted: tuple[str, ...], path: Path) -> l
     return [present.index(name) for name in wanted]
 
 
-def _check(name: str, times: np.ndarray, angles: np.ndarray, path: Path) -> None:
+def _check(joint: str, times: np.ndarray, angles: np.ndarray) -> None:
+    """Refuse keys of one joint that are no movement; `joint` begins the message."""
     if len(times) != len(angles) or not len(times):
-        raise FileFormatError(f"{path}: {name} has {len(times)} times and {len(angles)} angles, expected as many.")
+        raise FileFormatError(f"{joint} has {len(times)} times and {len(angles)} angles, expected as many.")
     if len(times) > MAX_POSTURES:
-        raise FileFormatError(f"{path}: {name} has {len(times)} keys, expected at most {MAX_POSTURES}.")
+        raise FileFormatError(f"{joint} has {len(times)} keys, expected at most {MAX_POSTURES}.")
     if not (np.isfinite(times).all() and np.isfinite(angles).all()):
-        raise FileFormatError(f"{path}: {name} has a time or an angle that is not a finite number.")
+        raise FileFormatError(f"{joint} has a time or an angle that is not a finite number.")
     for what, values, most in (("time", times, LARGEST_TIME_S), ("angle", angles, LARGEST_ANGLE)):
         if np.abs(values).max() > most:
-            raise FileFormatError(
-                f"{path}: {name} has the {what} {values[np.abs(values).argmax()]:g}, beyond {most:g}."
-            )
+            raise FileFormatError(f"{joint} has the {what} {values[np.abs(values).argmax()]:g}, beyond {most:g}.")
     steps = np.diff(times)
     late = np.flatnonzero(steps < SHORTEST_STEP_S)
     if len(late) and steps[late[0]] > 0:
-        raise FileFormatError(
-            f"{path}: {name} has keys {steps[late[0]]:g} s apart, expected {SHORTEST_STEP_S:g} or more."
-        )
+        raise FileFormatError(f"{joint} has keys {steps[late[0]]:g} s apart, expected {SHORTEST_STEP_S:g} or more.")
     if len(late):
         k = int(late[0]) + 1
+        path, _, name = joint.rpartition(": ")
         raise FileFormatError(
             f"{path}: times of {name} should rise, but {times[k]:g} s follows {times[k - 1]:g} s (key {k + 1})."
         )
@@ -331,7 +273,7 @@ def _together(times: list[np.ndarray], angles: list[np.ndarray], notes: list[str
         return times[0], np.stack(angles, axis=1)
     common = np.unique(np.concatenate(times))
     columns = [
-        monotone_cubic(when, where[:, None], common)[:, 0] if len(when) > 1 else np.full(len(common), where[0])
+        monotone_cubic(when, where, common) if len(when) > 1 else np.full(len(common), where[0])
         for when, where in zip(times, angles, strict=True)
     ]
     notes.append("joints have keys at different times; between a joint's keys a monotone cubic was taken")

@@ -1,10 +1,8 @@
-"""CSV as in `demonstrations/files.py` and NPZ without pickle: every bit of every angle comes back.
+"""Movements as tables: CSV as in `demonstrations/files.py`, NPZ without pickle, and Webots `.motion`.
 
 CSV is read less strictly here than where a network learns from it: degrees are recognised, and angles beyond a range
-are left to the check before an export.
-
-Also here:
-- Webots `.motion`: a header with the joint names, then one posture a line, time as minutes:seconds:milliseconds.
+are left to the check before an export. A Webots file has a header with the joint names, then one posture a line, with
+its time as minutes:seconds:milliseconds. Every bit of every angle comes back.
 """
 
 from __future__ import annotations
@@ -17,12 +15,10 @@ from typing import Any
 import numpy as np
 
 from creative_nao import storage
-from creative_nao.arrays import unpack_npz
+from creative_nao.arrays import only_arrays, unpack_npz
 from creative_nao.demonstrations import files
 from creative_nao.errors import FileFormatError, SettingsError
-from creative_nao.exchange import keys as reading
-from creative_nao.exchange.keys import Keys, Motion
-from creative_nao.fields import only_arrays
+from creative_nao.exchange.keys import MAX_FILE_BYTES, Keys, Motion, json_object, text_of
 
 
 def write_csv(motion: Motion, path: Path) -> list[str]:
@@ -37,17 +33,13 @@ def read_csv(path: Path, content: bytes) -> Keys:
     Raises:
         FileFormatError: If it is not such a table; the message names line and column.
     """
-    table = files.split_table(path, reading.as_text(path, content))
-    header = table[0][1] if table else []
+    header, rows = files.read_table(path, text_of(path, content))
     time = files.TIME_COLUMN
     if header.count(time) != 1 or len(header) < 2:
         raise FileFormatError(
             f"{path}: the first line should be `{time}` and joint names, but is {', '.join(header)[:200]}."
         )
-    for line, row in table[1:]:
-        if len(row) != len(header):
-            raise FileFormatError(f"{path}: line {line}: has {len(row)} columns, expected {len(header)} as the header.")
-    columns = [[_cell(row[c], header[c], path, line) for line, row in table[1:]] for c in range(len(header))]
+    columns = [[_cell(row[c], header[c], path, line) for line, row in rows] for c in range(len(header))]
     times = np.array(columns.pop(header.index(time)))
     joints = tuple(name for name in header if name != time)
     if np.isnan(times).any():
@@ -58,9 +50,7 @@ def read_csv(path: Path, content: bytes) -> Keys:
 def _cell(cell: str, column: str, path: Path, line: int) -> float:
     """Return a number; what is none becomes NaN, since a column nobody wants may hold text."""
     try:
-        if "_" in cell:
-            raise ValueError
-        return float(cell)
+        return files.cell_number(cell)
     except ValueError:
         if "," in cell:
             raise FileFormatError(f"{path}: line {line}: `{column}` is `{cell[:40]}`; a decimal comma?") from None
@@ -86,7 +76,7 @@ def read_npz(path: Path, content: bytes) -> Keys:
     Raises:
         FileFormatError: If an array is missing, torn, pickled, or has the wrong type or shape.
     """
-    arrays = unpack_npz(path, "movement", content, reading.MAX_FILE_BYTES)
+    arrays = unpack_npz(path, "movement", content, MAX_FILE_BYTES)
     only_arrays(path, arrays, ("angles", "joints", "dt_s", "times_s", "metadata"))
     for name in ("angles", "joints"):
         if name not in arrays:
@@ -126,7 +116,7 @@ def _metadata(path: Path, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
         return {}
     if arrays["metadata"].dtype.kind != "U" or arrays["metadata"].shape != ():
         raise FileFormatError(f"{path}: `metadata` should be JSON text, but is {arrays['metadata'].dtype}.")
-    return reading.as_json(path, str(arrays["metadata"]))
+    return json_object(path, str(arrays["metadata"]))
 
 
 MARK = "#WEBOTS_MOTION"
@@ -164,7 +154,7 @@ def read_motion(path: Path, content: bytes) -> Keys:
     Raises:
         FileFormatError: If it is not such a file; the message names the line.
     """
-    lines = [line.strip() for line in reading.as_text(path, content).splitlines()] or [""]
+    lines = [line.strip() for line in text_of(path, content).splitlines()] or [""]
     header = [cell.strip() for cell in lines[0].split(",")]
     if header[0] != MARK or len(header) < 3:
         raise FileFormatError(f"{path}: line 1 should be {MARK},{_VERSION},JOINT,..., but is {lines[0][:80]}.")
@@ -197,8 +187,6 @@ def read_motion(path: Path, content: bytes) -> Keys:
 
 def _angle(cell: str, joint: str, path: Path, line: int) -> float:
     try:
-        if "_" in cell:
-            raise ValueError
-        return float(cell)
+        return files.cell_number(cell)
     except ValueError:
         raise FileFormatError(f"{path}: line {line}: {joint} is {cell[:40]!r}, expected an angle or `*`.") from None

@@ -120,14 +120,25 @@ def test_a_missing_file_is_not_found(tmp_path):
         load_trajectory(tmp_path / "nothing.csv")
 
 
+def test_arguments_of_another_kind_are_named(tmp_path):
+    for arguments, text in (
+        ((3,), "`path` should be text, but is 3"),
+        (("a.csv", "fast"), "`dt_s` should be a number, but is 'fast'"),
+        ((tmp_path / "wave.csv", 0.15, "RElbowYaw"), "`joints` should be a list, but is 'RElbowYaw'"),
+    ):
+        written(tmp_path, GOOD)
+        with pytest.raises(SettingsError, match=text):
+            load_trajectory(*arguments)
+
+
 def test_a_tick_must_be_positive(tmp_path):
     with pytest.raises(SettingsError, match="`dt_s` should be a positive number of seconds, but is -1"):
         load_trajectory(written(tmp_path, GOOD), dt_s=-1)
 
 
 def test_only_a_finite_trajectory_of_the_joints_is_saved(tmp_path):
-    with pytest.raises(ShapeError, match=r"`trajectory` should be finite with shape \(n_steps, 8\).* has \(8, 50\)"):
+    with pytest.raises(ShapeError, match=r"`trajectory` should have shape \(n_steps >= 1, 8\).* has \(8, 50\)"):
         save_trajectory(tmp_path / "a.csv", random_trajectory().T)
-    with pytest.raises(ShapeError, match="`trajectory` should be finite"):
+    with pytest.raises(ShapeError, match="`trajectory` should hold finite angles"):
         save_trajectory(tmp_path / "a.csv", random_trajectory() * np.nan)
     assert not (tmp_path / "a.csv").exists()

@@ -45,8 +45,11 @@ def test_a_trajectory_is_found_by_its_name():
 @pytest.mark.parametrize(
     ("change", "error", "text"),
     [
-        ({"names": ("a", "a")}, SettingsError, "`names` should not repeat a name"),
-        ({"names": ()}, SettingsError, "`names` should hold at least one name"),
+        ({"names": ("a", "a")}, SettingsError, "`names` should be a list of different names"),
+        ({"names": ()}, SettingsError, "`names` should be a list of at least 1 entry"),
+        ({"names": 3}, SettingsError, "`names` should be a list, but is 3"),
+        ({"dt_s": "x"}, SettingsError, "`dt_s` should be a number, but is 'x'"),
+        ({"trajectories": None}, ShapeError, "`trajectories` should hold one trajectory for each of the 2 names"),
         ({"names": ("a",)}, ShapeError, "each of the 1 names, but holds 2"),
         (
             {"joints": ("hip",)},
@@ -54,9 +57,9 @@ def test_a_trajectory_is_found_by_its_name():
             r"`trajectories\[0\] \(a\)` should have shape \(n_steps >= 2, 1\).*\(4, 8\)",
         ),
         ({"dt_s": 0.0}, SettingsError, "`dt_s` should be a positive number of seconds, but is 0.0"),
-        ({"dt_s": float("nan")}, SettingsError, "`dt_s` should be a positive number"),
-        ({"record": {"when": object()}}, SettingsError, "`record` should hold plain JSON values only"),
-        ({"record": {"loss": float("nan")}}, SettingsError, "`record` should hold plain JSON values only"),
+        ({"dt_s": float("nan")}, SettingsError, "`dt_s` should be a finite number, but is nan"),
+        ({"record": {"when": object()}}, SettingsError, r"`record` should be bounded JSON \(it holds object\)"),
+        ({"record": {"loss": float("nan")}}, SettingsError, r"`record` should be bounded JSON \(it holds nan\)"),
         ({"trajectories": [still(), still(1)]}, ShapeError, r"`trajectories\[1\] \(b\)` should have shape"),
         ({"trajectories": [still(), "wave"]}, ShapeError, r"`trajectories\[1\] \(b\)` should be an array of numbers"),
     ],
@@ -92,3 +95,11 @@ def test_a_reading_just_beyond_the_range_passes():
     edge = still()
     edge[0, 3] = 1.5446 + 0.01
     assert Demonstrations(("a",), [edge]).joints == JOINTS
+
+
+def test_it_is_shown_in_few_lines_and_as_curves():
+    demos = Demonstrations(tuple(f"wave_{k}" for k in range(20)), [still()] * 20)
+    assert repr(demos).startswith("Demonstrations of 8 joints at 0.15 s: wave_0 (4 postures), wave_1 (4 postures), ")
+    assert repr(demos).endswith("wave_7 (4 postures), and 12 more")
+    assert demos._repr_png_().startswith(b"\x89PNG")
+    assert Demonstrations(("a",), [still()])._repr_png_().startswith(b"\x89PNG")

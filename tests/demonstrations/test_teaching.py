@@ -140,5 +140,5 @@ def test_the_command_refuses_what_cannot_be(tmp_path):
         teach_command(TeachSettings(out=tmp_path / "file"))
     with pytest.raises(SettingsError, match="`seed` should be 0 or larger, but is -1"):
         teach_command(TeachSettings(out=tmp_path, seed=-1))
-    with pytest.raises(SettingsError, match=r"`tremor_rad` should be between 0 and 0.1, but is 3"):
+    with pytest.raises(SettingsError, match=r"`tremor_rad` should be at most 0.1, but is 3"):
         teach_command(TeachSettings(out=tmp_path, tremor_rad=3))

@@ -115,13 +115,34 @@ def test_a_wrong_name_is_told(name, format, error, message, jab, tmp_path):
 @pytest.mark.parametrize(
     ("angles", "options", "error", "message"),
     [
-        (np.zeros((3, 7)), {}, ShapeError, r"shape \(n_steps, 8\).*but has \(3, 7\)"),
+        (np.zeros((3, 7)), {}, ShapeError, r"shape \(n_steps >= 1, 8\).*but has \(3, 7\)"),
         (np.full((3, 8), np.nan), {}, ShapeError, "RShoulderPitch at step 0 is not a number"),
+        ("wave", {}, ShapeError, "`angles` should be an array of numbers, but is str"),
+        (np.zeros((3, 8)), {"dt_s": "x"}, SettingsError, "`dt_s` should be a number, but is 'x'"),
         (np.zeros((3, 8)), {"dt_s": 0.0}, SettingsError, "`dt_s` should be a positive"),
-        (np.zeros((3, 1)), {"joints": ("a'\n",)}, SettingsError, "a name should be ASCII"),
-        (np.zeros((3, 8)), {"metadata": {"x": {1}}}, SettingsError, "plain JSON"),
+        (np.zeros((3, 1)), {"joints": ("a'",)}, SettingsError, "a name should be ASCII"),
+        (
+            np.zeros((3, 8)),
+            {"metadata": {"x": {1}}},
+            SettingsError,
+            "`metadata` should be bounded JSON",
+        ),
     ],
 )
 def test_a_motion_is_checked_when_it_is_made(angles, options, error, message):
     with pytest.raises(error, match=message):
         exchange.Motion(angles, **({"dt_s": 0.1} | options))
+
+
+def test_a_motion_is_shown_in_one_line_and_as_curves(jab):
+    assert repr(jab) == "Motion of 8 joints: 50 postures at 0.15 s, 7.35 s long"
+    assert jab._repr_png_().startswith(b"\x89PNG")
+
+
+def test_arguments_of_another_kind_are_named(jab, tmp_path):
+    with pytest.raises(SettingsError, match="`motion` should be a `Motion`, but is 3"):
+        exchange.write(tmp_path / "a.csv", 3)
+    with pytest.raises(SettingsError, match="`path` should be text, but is 3"):
+        exchange.read(3)
+    with pytest.raises(SettingsError, match="`joints` should be a list, but is 'RElbowYaw'"):
+        exchange.read(written(tmp_path / "a.csv", jab).path, joints="RElbowYaw")

@@ -49,8 +49,6 @@ def readers(path):
     for call in calls:
         name = call.id if isinstance(call, ast.Name) else call.attr if isinstance(call, ast.Attribute) else ""
         owner = call.value.id if isinstance(call, ast.Attribute) and isinstance(call.value, ast.Name) else ""
-        if owner in ("reading", "keys"):  # the exchange's own door to `storage`
-            continue
         if name in OURS and (name in imported or owner in ("storage", "arrays", "schema")):
             ours.add(name)
         elif isinstance(call, ast.Name) and name == "open":

@@ -355,7 +355,7 @@ def test_an_action_cannot_be_written_outside_its_folder(tmp_path):
     wave = np.linspace(0.1, 0.5, 4)[:, None]
     for name in ("../up", "a/b", "a\\b", ".hidden", "C:x"):
         demos = Demonstrations((name,), [wave], 0.1, ("RElbowYaw",))
-        with pytest.raises(SettingsError, match="should have a plain name"):
+        with pytest.raises(SettingsError, match="should be a plain name"):
             save_demonstrations(tmp_path / "taught", demos)
     assert not list(tmp_path.iterdir())
 

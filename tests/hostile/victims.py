@@ -63,7 +63,7 @@ READERS = {
     "creative_nao/evaluation/jobs.py": ("job", "job_result"),
     "creative_nao/evaluation/results.py": ("results", "published"),
     "creative_nao/evaluation/suites.py": ("toml",),
-    "creative_nao/exchange/keys.py": ("motion_csv", "motion_json", "motion_ros", "motion_py", "motion_webots"),
+    "creative_nao/exchange/formats.py": ("motion_csv", "motion_json", "motion_ros", "motion_py", "motion_webots"),
     "creative_nao/exchange/tables.py": ("motion_npz",),
     "creative_nao/explorer/state.py": ("session",),
     "creative_nao/model/training.py": ("checkpoint",),
@@ -73,6 +73,7 @@ READERS = {
 """Modules that call a reader of `storage`, `arrays` or `schema`, and the kinds that try them."""
 
 OWN_FILES = {
+    "creative_nao/maps/figure_style.py": "pictures it has just drawn",
     "creative_nao/cli/dispatch.py": "the null device",
     "creative_nao/cli/doctor.py": "/proc/meminfo",
     "creative_nao/evaluation/gallery.py": "pictures it has just drawn",
