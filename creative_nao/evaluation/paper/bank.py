@@ -1,8 +1,4 @@
-"""The networks of a reproduction: the shipped bank, or networks trained in the run folder.
-
-Also here:
-- Settings of a reproduction: where its networks come from and how finely their maps are scored.
-"""
+"""What is reproduced, and its networks: the shipped bank, or networks trained in the run folder."""
 
 from __future__ import annotations
 
@@ -10,19 +6,26 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from creative_nao.demonstrations import load_demonstrations
-from creative_nao.errors import SettingsError, TrainingError
+from creative_nao.errors import NotFoundError, SettingsError, TrainingError
 from creative_nao.model import CONDITIONS, Memory, NetworkSettings, TrainingSettings, shipped_memories, train_many
 from creative_nao.model.memory import PRETRAINED
 from creative_nao.model.training import TrainingState
 from creative_nao.runtime import sha256
+from creative_nao.schema import Count, Field, Index, record
 
-Source = Literal["shipped", "retrain", "quick"]
+CONDITION_NAMES = tuple(CONDITIONS)
+"""`open`, `half`, `closed`: closed-loop ratio 0, 0.5 and 1."""
+
+QUICK_SEEDS, QUICK_EPOCHS = 3, 20_000
+
+Report = Callable[[str, int, str], None]
+"""Takes the name of a piece of work, how many of its units are done, and a note."""
 
 
-@dataclass(frozen=True)
+@record
 class PaperSettings:
     """What is reproduced.
 
@@ -30,31 +33,23 @@ class PaperSettings:
         SettingsError: If a count is too small; the message names the field.
     """
 
-    source: Source = "shipped"
+    source: Literal["shipped", "retrain", "quick"] = "shipped"
     """`shipped`: the bank of the package; `retrain`: networks trained in the run folder; `quick`: few and short."""
-    seed: int = 0
+    seed: Index = 0
     """Seed of all draws; networks that are trained have this seed and those after it."""
-    n_seeds: int = 10
+    n_seeds: Count = 10
     """Networks trained per condition; has no meaning for the shipped ones."""
-    n_epochs: int = 100_000
+    n_epochs: Count = 100_000
     """Epochs of each; has no meaning for the shipped ones."""
-    resolution: int = 200
+    resolution: Annotated[int, Field(ge=2)] = 200
     """Points along each axis of a map."""
     network: NetworkSettings = field(default_factory=NetworkSettings)
     """Network that is trained; has no meaning for the shipped ones."""
-
-    def __post_init__(self) -> None:
-        for name, least in {"seed": 0, "n_seeds": 1, "n_epochs": 1, "resolution": 2}.items():
-            if getattr(self, name) < least:
-                raise SettingsError(f"`{name}` should be at least {least}, but is {getattr(self, name)}")
 
     @property
     def trains(self) -> bool:
         """Whether networks are trained for it."""
         return self.source != "shipped"
-
-
-QUICK_SEEDS, QUICK_EPOCHS = 3, 20_000
 
 
 def paper_settings(*, quick: bool = False, retrain: bool = False, seed: int = 0) -> PaperSettings:
@@ -68,10 +63,6 @@ def paper_settings(*, quick: bool = False, retrain: bool = False, seed: int = 0)
     if quick:
         return PaperSettings("quick", seed, QUICK_SEEDS, QUICK_EPOCHS)
     return PaperSettings("retrain" if retrain else "shipped", seed)
-
-
-Report = Callable[[str, int, str], None]
-"""Takes the name of a piece of work, how many of its units are done, and a note."""
 
 
 @dataclass(frozen=True)
@@ -109,16 +100,29 @@ class Entry:
 
 
 def shipped_bank() -> list[Entry]:
-    """Return the memories that ship with the package, as many as there are, in order of condition and seed."""
+    """Return the memories that ship with the package, as many as there are, in order of condition and seed.
+
+    Raises:
+        NotFoundError: If none of a condition ships with this installation.
+    """
     pairs = [name.split("/") for name in shipped_memories()]
-    return [Entry(condition, int(seed), PRETRAINED / f"{condition}-{seed}.safetensors") for condition, seed in pairs]
+    bank = [Entry(condition, int(seed), PRETRAINED / f"{condition}-{seed}.safetensors") for condition, seed in pairs]
+    if missing := _missing_condition(bank):
+        raise NotFoundError(f"no memory of the condition `{missing}` ships with this installation; add --retrain")
+    return bank
 
 
-def wanted_networks(settings: PaperSettings) -> list[TrainingSettings]:
-    """Return the settings of all networks to be trained; those of one seed begin with the same weights."""
+def wanted_networks(n_seeds: int, n_epochs: int, seed: int) -> list[TrainingSettings]:
+    """Return the settings of networks to be trained, in all conditions; those of one seed begin with the same weights.
+
+    Args:
+        n_seeds: Networks per condition.
+        n_epochs: Epochs of each.
+        seed: Seed of the first.
+    """
     return [
-        TrainingSettings(closed_loop_ratio=ratio, n_epochs=settings.n_epochs, seed=settings.seed + place)
-        for place in range(settings.n_seeds)
+        TrainingSettings(closed_loop_ratio=ratio, n_epochs=n_epochs, seed=seed + place)
+        for place in range(n_seeds)
         for ratio in CONDITIONS.values()
     ]
 
@@ -137,7 +141,7 @@ def train_bank(
     report: Report = lambda *_: None,
     stop: threading.Event | None = None,
 ) -> tuple[list[Entry], dict[str, str]]:
-    """Train the networks of a run folder, or go on with those begun there.
+    """Train the networks of a run folder, or continue those begun there.
 
     Args:
         folder: Run folder; memories and checkpoints go to its subfolder `memories`.
@@ -159,17 +163,18 @@ def train_bank(
     def show(training: TrainingSettings, state: TrainingState) -> None:
         report(label(training), state.epoch, f"loss {state.loss_history[-1]:.3g}")
 
-    wanted = wanted_networks(settings)
     trained = train_many(
-        load_demonstrations(), wanted, settings.network, out=path, resume=True, progress=show, stop=stop,
-        command=f"creative-nao evaluate paper --{settings.source} --seed {settings.seed}", n_workers=n_workers,
+        load_demonstrations(), wanted_networks(settings.n_seeds, settings.n_epochs, settings.seed), settings.network,
+        out=path, resume=True, progress=show, stop=stop, n_workers=n_workers,
+        command=f"creative-nao evaluate paper --{settings.source} --seed {settings.seed}",
     )  # fmt: skip
     failures = {label(one.training): one.failure for one in trained if one.failure is not None}
     done = [one.training for one in trained if one.memory is not None]
     entries = [Entry(label(one).split("/")[0], one.seed, path(one)) for one in done]
-    missing = [name for name in CONDITIONS if name not in {entry.condition for entry in entries}]
-    if missing:
-        raise TrainingError(
-            f"no network of the condition {missing[0]} could be trained: {next(iter(failures.items()))}"
-        )
-    return sorted(entries, key=lambda entry: (list(CONDITIONS).index(entry.condition), entry.seed)), failures
+    if missing := _missing_condition(entries):
+        raise TrainingError(f"no network of the condition {missing} could be trained: {next(iter(failures.items()))}")
+    return sorted(entries, key=lambda entry: (CONDITION_NAMES.index(entry.condition), entry.seed)), failures
+
+
+def _missing_condition(bank: list[Entry]) -> str | None:
+    return next((name for name in CONDITION_NAMES if name not in {entry.condition for entry in bank}), None)

@@ -1,46 +1,50 @@
-"""Figures of numbers: learning curves (the paper's Fig. 2) and Table I as dots with intervals.
+"""All figures of the reproduction, drawn and written, with what their captions need to know.
 
-Also here:
-- Figures of movements as joint curves (the paper's Fig. 3): the basic actions and examples of generated ones.
-- Figures of maps: the three conditions side by side (Fig. 4), every network's map, and a walk through one (Fig. 5).
-- All figures of the reproduction, drawn and written, with what their captions need to know.
+Learning curves (the paper's Fig. 2) and Table I as dots with intervals; movements as joint curves (Fig. 3); the maps
+of the three conditions side by side (Fig. 4), of every network, and a walk through one of them (Fig. 5).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.evaluation.paper.bank import Entry
-from creative_nao.evaluation.paper.comparisons import (
-    CONDITION_COLOURS,
-    CONDITION_LINES,
-    CONDITION_MARKERS,
-    CONDITION_NAMES,
-    CONDITION_TITLES,
-    TABLE_I,
-    Figures,
-    values_of,
-)
-from creative_nao.evaluation.paper.measuring import chart_path
-from creative_nao.evaluation.plots import STYLE, figure, save
+from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Entry
+from creative_nao.evaluation.paper.claims import CONDITION_TITLES, TABLE_I, Figures, values_of
+from creative_nao.evaluation.paper.summary import map_path
 from creative_nao.maps import PBMap
 from creative_nao.maps.colours import BASIC_ACTIONS, INK, action_letter
+from creative_nao.maps.figure_style import figure, save, styled
 from creative_nao.maps.picture import draw_on, legend_handles, map_image
 from creative_nao.measures import farthest_points, score
 from creative_nao.model import Memory
 
+COLOURS = dict(zip(CONDITION_NAMES, BASIC_ACTIONS, strict=False))
+MARKERS = {"open": "o", "half": "s", "closed": "D"}
+LINES: dict[str, Any] = {"open": "-", "half": (0, (5, 1.5)), "closed": (0, (2, 1.2))}
+"""Conditions differ in marker and dash too, so that nothing rests on colour alone."""
+
+RIGHT: Any = "-"
+LEFT: Any = (0, (3, 1.5))
+"""Lines of the two arms."""
+
 N_POINTS = 400
 """Points of a drawn learning curve; each is the median over its stretch of epochs."""
+
+WALK = ("right_straight", "left_jab")
+"""The walk goes along the straight line between the learned PB values of these two, the pair of the paper's Fig. 5."""
+
+N_STOPS = 6
+"""Evenly spaced points of the walk, both ends among them."""
+
+MAPS_PER_ROW = 8
 
 
 def learning_curves(memories: Mapping[str, Sequence[Memory]]) -> Figure:
@@ -52,7 +56,7 @@ def learning_curves(memories: Mapping[str, Sequence[Memory]]) -> Figure:
     drawn, (many, one) = figure(9.4, 3.9, 1, 2, sharey=True, sharex=True)
     for condition in CONDITION_NAMES:
         mine = memories[condition]
-        style: dict[str, Any] = {"color": CONDITION_COLOURS[condition], "linestyle": CONDITION_LINES[condition]}
+        style: dict[str, Any] = {"color": COLOURS[condition], "linestyle": LINES[condition]}
         curves = [_thinned(memory) for memory in mine]
         epochs = curves[0][0]
         losses = np.array([loss for _, loss in curves])
@@ -78,7 +82,7 @@ def table_dots(networks: Sequence[Figures], rows: Sequence[Mapping[str, Any]]) -
         values = values_of(networks, measure.field)
         for place, condition in enumerate(CONDITION_NAMES):
             row = next(one for one in rows if one["memory"] == condition)
-            colour = CONDITION_COLOURS[condition]
+            colour = COLOURS[condition]
             mine = values[condition]
             spread = np.linspace(-0.11, 0.11, len(mine)) if len(mine) > 1 else np.zeros(len(mine))
             ax.scatter(place - 0.17 + spread, mine, s=13, color=colour, alpha=0.5, linewidths=0)
@@ -97,17 +101,15 @@ def table_dots(networks: Sequence[Figures], rows: Sequence[Mapping[str, Any]]) -
 def _mean(ax: Axes, place: float, measured: Mapping[str, Any] | None, condition: str) -> None:
     if measured is None:
         return
-    colour = CONDITION_COLOURS[condition]
+    colour = COLOURS[condition]
     if measured["low"] is not None:
         ax.vlines(place, measured["low"], measured["high"], color=colour, linewidth=3.2, capstyle="round")
-    marker = CONDITION_MARKERS[condition]
+    marker = MARKERS[condition]
     ax.plot(place, measured["mean"], marker, color="white", markeredgecolor=colour, markeredgewidth=1.8, markersize=7)
 
 
 def _legend() -> list[Any]:
-    from matplotlib.lines import Line2D
-
-    colour = CONDITION_COLOURS["open"]
+    colour = COLOURS["open"]
     return [
         Line2D([], [], marker="o", linestyle="", color=colour, alpha=0.5, markersize=4, label="one network"),
         Line2D(
@@ -129,18 +131,8 @@ def _thinned(memory: Memory) -> tuple[np.ndarray, np.ndarray]:
     return epochs, np.array([np.median(history[part]) for part in parts])
 
 
-RIGHT: Any = "-"
-LEFT: Any = (0, (3, 1.5))
-
-
-@dataclass(frozen=True, eq=False)
-class Example:
-    """A movement worth showing.
-
-    Attributes:
-        title: What it is.
-        trajectory: Joint angles [rad], shape (n_steps, n_joints).
-    """
+class Example(NamedTuple):
+    """A movement worth showing: what it is, and its joint angles [rad], shape (n_steps, n_joints)."""
 
     title: str
     trajectory: np.ndarray
@@ -239,15 +231,6 @@ def _panels(demos: Demonstrations, shown: Sequence[Example], n_columns: int) -> 
 
 def _place(pb: np.ndarray) -> str:
     return f"({pb[0]:+.2f}, {pb[1]:+.2f})"
-
-
-WALK = ("right_straight", "left_jab")
-"""The walk goes along the straight line between the learned PB values of these two, the pair of the paper's Fig. 5."""
-
-N_STOPS = 6
-"""Evenly spaced points of the walk, both ends among them."""
-
-MAPS_PER_ROW = 8
 
 
 def three_maps(charts: Mapping[str, PBMap]) -> Figure:
@@ -359,7 +342,7 @@ def draw_pictures(
         What the captions say: the seed that is shown, the walk, what is missing from the examples.
     """
     memories = {entry.name: entry.load() for entry in bank}
-    charts = {entry.name: PBMap.load(chart_path(folder, entry)) for entry in bank}
+    charts = {entry.name: PBMap.load(map_path(folder, entry)) for entry in bank}
     per = {name: [entry for entry in bank if entry.condition == name] for name in CONDITION_NAMES}
     shown = {name: per[name][0] for name in CONDITION_NAMES}
     half = memories[shown["half"].name]
@@ -367,7 +350,7 @@ def draw_pictures(
     ordered = sorted(bank, key=lambda entry: entry.condition != "half")
     combinations = {one["name"]: one["clearest_combination"] for one in networks}
     images = folder / "images"
-    with matplotlib.rc_context(STYLE):
+    with styled():
         by_condition = {name: [memories[entry.name] for entry in per[name]] for name in CONDITION_NAMES}
         save(learning_curves(by_condition), images / "paper_learning.png")
         save(table_dots(networks, rows), images / "paper_table.png")

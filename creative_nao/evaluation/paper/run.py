@@ -6,13 +6,13 @@ import contextlib
 import dataclasses
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from creative_nao import storage
-from creative_nao.errors import NotFoundError, SettingsError
+from creative_nao.errors import SettingsError
 from creative_nao.evaluation.paper.bank import (
     Entry,
     PaperSettings,
@@ -23,20 +23,11 @@ from creative_nao.evaluation.paper.bank import (
     wanted_networks,
 )
 from creative_nao.evaluation.paper.claims import judge
-from creative_nao.evaluation.paper.comparisons import make_results, networks_csv
-from creative_nao.evaluation.paper.measuring import measure_entry
-from creative_nao.evaluation.paper.page import write_page
-from creative_nao.evaluation.paper.sensitivity import (
-    RESCORE,
-    SensitivitySettings,
-    epochs_of_training,
-    study_scoring,
-    study_training,
-)
-from creative_nao.evaluation.paper.threads import in_threads
-from creative_nao.evaluation.run import RECORD, hashes, read_record, refuse_links, write_record
-from creative_nao.model import CONDITIONS
-from creative_nao.runtime import record, usable_cores
+from creative_nao.evaluation.paper.page import SENSITIVITY, write_page
+from creative_nao.evaluation.paper.summary import make_results, measure_entry, networks_csv
+from creative_nao.evaluation.run import hashes, open_folder, write_record
+from creative_nao.evaluation.runner import in_threads
+from creative_nao.runtime import usable_cores
 
 Watch = Callable[[dict[str, int]], contextlib.AbstractContextManager[Report]]
 """Takes the units of work of each piece by its name, gives what to call as they are done."""
@@ -60,7 +51,6 @@ def reproduce(
     settings: PaperSettings,
     folder: Path,
     *,
-    sensitivity: SensitivitySettings | None = None,
     n_workers: int | None = None,
     resume: bool = False,
     command: str | None = None,
@@ -71,7 +61,6 @@ def reproduce(
     Args:
         settings: Where the networks come from, and how finely their maps are scored.
         folder: Run folder: new or empty, or with `resume` one to be continued.
-        sensitivity: Study the open choices too; with `resume` a study can be added to a finished folder.
         n_workers: Networks at a time; default: the number of cores. Has no influence on results.
         resume: Continue the folder: nothing is done twice.
         command: How to type the run again; default: the running command.
@@ -86,98 +75,69 @@ def reproduce(
     cores = usable_cores() if n_workers is None else n_workers
     if cores < 1:
         raise SettingsError(f"`n_workers` should be at least 1, but is {cores}")
-    kept = _open(folder, settings, resume=resume, command=command)
+    described = {"suite": {"name": "paper"}, **dataclasses.asdict(settings)}
+    kept = open_folder(folder, described, resume=resume, command=command)
     start = time.monotonic()
     bank, failures = _bank(folder, settings, cores, watch)
-    _same_networks(folder, kept, bank)
+    memories = {entry.name: entry.sha256 for entry in bank}
+    _check_networks(folder, kept.get("memories"), memories)
     piece = "networks measured"
     with watch({piece: len(bank)}) as report:
         networks = in_threads(
             bank, lambda entry: measure_entry(entry, folder, settings), cores,
-            lambda done, entry: report(piece, done, entry.name),
+            lambda n_done, entry: report(piece, n_done, entry.name),
         )  # fmt: skip
     results = make_results(networks, resolution=settings.resolution, seed=settings.seed)
     claims = judge(networks, seed=settings.seed)
-    _write(folder / "results.json", results)
-    _write(folder / "claims.json", claims)
+    _write_json(folder / "results.json", results)
+    _write_json(folder / "claims.json", claims)
     storage.write_text(folder / "networks.csv", networks_csv(networks))
-    if sensitivity is not None:
-        # Two displays: a network scored again and an epoch of training are no common unit of time.
-        with watch({RESCORE: len(bank)}) as report:
-            scoring = study_scoring(bank, folder, sensitivity, n_workers=cores, report=report)
-        with watch(epochs_of_training(sensitivity)) as report:
-            training = study_training(folder, sensitivity, n_workers=cores, report=report)
-        described = sensitivity.described()
-        _write(folder / "sensitivity.json", {"settings": described, "scoring": scoring, "training": training})
     # Drawing is loaded here: a worker draws nothing.
     from creative_nao.evaluation.paper.figures import draw_pictures
 
     shown = draw_pictures(folder, bank, networks, results["rows"], seed=settings.seed)
-    _write(folder / "figures.json", {**shown, "failures": failures})
-    whole = {
-        **kept,
-        "memories": {entry.name: entry.sha256 for entry in bank},
-        "n_workers": cores,
-        "seconds": round(time.monotonic() - start + kept.get("seconds", 0.0), 1),
-    }
-    write_record(folder, whole)
-    write_page(folder)
-    write_record(folder, {**whole, "hashes": _result_hashes(folder)})
+    _write_json(folder / "figures.json", {**shown, "failures": failures})
+    seconds = round(time.monotonic() - start + kept.get("seconds", 0.0), 1)
+    finish(folder, {**kept, "memories": memories, "n_workers": cores, "seconds": seconds})
     return Reproduction(folder, results, claims)
 
 
+def add_study(folder: Path, run: Mapping[str, Any], study: Mapping[str, Any]) -> None:
+    """Add the study of the open choices to a finished run folder, and write its page anew.
+
+    Args:
+        folder: Run folder.
+        run: Its record.
+        study: Content of `sensitivity.json`.
+    """
+    _write_json(folder / SENSITIVITY, study)
+    finish(folder, run)
+
+
+def finish(folder: Path, run: Mapping[str, Any]) -> None:
+    """Write the record, page and report of a run folder, and the hashes of all results into the record."""
+    write_record(folder, {**run})
+    write_page(folder)
+    # What is only kept to go on from is left out.
+    results = {k: v for k, v in hashes(folder).items() if not k.startswith(("sensitivity/", "measured/"))}
+    write_record(folder, {**run, "hashes": results})
+
+
 def _bank(folder: Path, settings: PaperSettings, n_workers: int, watch: Watch) -> tuple[list[Entry], dict[str, str]]:
-    if settings.trains:
-        with watch({label(one): one.n_epochs for one in wanted_networks(settings)}) as report:
-            return train_bank(folder, settings, n_workers=n_workers, report=report)
-    bank = shipped_bank()
-    missing = [name for name in CONDITIONS if name not in {entry.condition for entry in bank}]
-    if missing:
-        raise NotFoundError(f"no memory of the condition `{missing[0]}` ships with this installation; add --retrain")
-    return bank, {}
+    if not settings.trains:
+        return shipped_bank(), {}
+    wanted = wanted_networks(settings.n_seeds, settings.n_epochs, settings.seed)
+    with watch({label(one): one.n_epochs for one in wanted}) as report:
+        return train_bank(folder, settings, n_workers=n_workers, report=report)
 
 
-def _open(folder: Path, settings: PaperSettings, *, resume: bool, command: str | None) -> dict[str, Any]:
-    """Make the run folder or check that it is the one to be continued; return its record."""
-    described = {"suite": {"name": "paper"}, **dataclasses.asdict(settings)}
-    fresh = record(settings=described, command=command)
-    if not resume:
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise SettingsError(
-                f"`--out` {folder} exists and is not empty; add --resume to continue it, or choose another folder"
-            )
-        write_record(folder, fresh)
-        return fresh
-    if not (folder / RECORD).is_file():
-        raise NotFoundError(f"nothing to resume in {folder}: it has no {RECORD}; leave out --resume to start there")
-    found = read_record(folder)
-    refuse_links(folder)
-    for key, wanted in fresh["settings"].items():
-        had = found["settings"].get(key)
-        if had != wanted:
-            raise SettingsError(f"{folder} was started with {key} {had}, not {wanted}; choose another folder")
-    for package, version in fresh["versions"].items():
-        if found["versions"].get(package) != version:
-            raise SettingsError(
-                f"{folder} was started with {package} {found['versions'].get(package)}, now it is {version}: "
-                "results of two versions would be mixed; choose another folder"
-            )
-    return {**found, "command": fresh["command"]}
-
-
-def _same_networks(folder: Path, kept: dict[str, Any], bank: Sequence[Entry]) -> None:
-    had, found = kept.get("memories"), {entry.name: entry.sha256 for entry in bank}
-    if had is not None and had != found:
-        changed = sorted(name for name in {*had, *found} if had.get(name) != found.get(name))
+def _check_networks(folder: Path, had: Mapping[str, str] | None, memories: Mapping[str, str]) -> None:
+    if had is not None and had != memories:
+        changed = sorted(name for name in {*had, *memories} if had.get(name) != memories.get(name))
         raise SettingsError(
             f"{folder} was started with other networks ({changed[0]} has changed since); choose another folder"
         )
 
 
-def _write(path: Path, content: Any) -> None:
+def _write_json(path: Path, content: Any) -> None:
     storage.write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
-
-
-def _result_hashes(folder: Path) -> dict[str, str]:
-    """Return the hashes of the results; what is only kept to go on from is left out."""
-    return {name: value for name, value in hashes(folder).items() if not name.startswith(("sensitivity/", "measured/"))}
