@@ -99,7 +99,7 @@ def _print(found: Verification, path: Path) -> None:
     console.print(f"{len(found.checks)} episodes played again: {path} {said}", soft_wrap=True, highlight=False)
 
 
-PAPER, PAPER_FLAGS = "paper", ("quick", "retrain", "sensitivity")
+PAPER, PAPER_FLAGS = "paper", ("quick", "retrain")
 LEADERBOARD, VERIFY = "leaderboard", "verify"
 
 PLAIN_EVERY_S = 15.0
@@ -146,8 +146,6 @@ class EvaluateSettings:
     """paper: train a few networks for a short time, to see in minutes what it looks like."""
     retrain: bool = False
     """paper: train ten networks a condition in the run folder instead of taking the shipped ones."""
-    sensitivity: bool = False
-    """paper: also change the open choices one at a time; about ten minutes more."""
     docs: Path | None = None
     """Bring result files and the pages that stand on them into this documentation folder."""
 

@@ -16,12 +16,10 @@ from rich.table import Table
 
 from creative_nao.cli.terminal import Display
 from creative_nao.errors import SettingsError
-from creative_nao.evaluation.paper.bank import Report, paper_settings
-from creative_nao.evaluation.paper.blocks import mean_cell, number
-from creative_nao.evaluation.paper.comparisons import CONDITION_NAMES, CONDITION_TITLES, FURTHER, TABLE_I
-from creative_nao.evaluation.paper.page import publish
+from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Report, paper_settings
+from creative_nao.evaluation.paper.claims import CONDITION_TITLES, FURTHER, TABLE_I
+from creative_nao.evaluation.paper.page import mean_cell, number, publish
 from creative_nao.evaluation.paper.run import Reproduction, reproduce
-from creative_nao.evaluation.paper.sensitivity import SensitivitySettings
 
 SUITE = "paper"
 COLOURS = {"holds": "green", "does not hold": "red", "undecided": "dim"}
@@ -38,7 +36,6 @@ class PaperRequest:
     json: bool
     quick: bool
     retrain: bool
-    sensitivity: bool
     docs: Path | None
 
 
@@ -54,15 +51,13 @@ def run_paper(asked: PaperRequest) -> int:
     stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
     folder = asked.out or Path("runs") / f"{SUITE}-{stamp}"
     flags = [f"--{settings.source}"] if settings.trains else []
-    flags += [f"--seed {settings.seed}", *(["--sensitivity"] if asked.sensitivity else [])]
-    command = " ".join([f"creative-nao evaluate {SUITE}", *flags])
+    command = " ".join([f"creative-nao evaluate {SUITE}", *flags, f"--seed {settings.seed}"])
     # Progress goes to stderr, so that --json leaves stdout to the figures.
     console = Console(stderr=True)
     try:
         done = reproduce(
-            settings, folder, sensitivity=SensitivitySettings(seed=settings.seed) if asked.sensitivity else None,
-            n_workers=asked.n_workers, resume=asked.resume, command=command, watch=_watch,
-        )  # fmt: skip
+            settings, folder, n_workers=asked.n_workers, resume=asked.resume, command=command, watch=_watch
+        )
     except KeyboardInterrupt:
         again = f"{command} --out {folder} --resume"
         console.print(f"stopped; what is done is kept, continue with: {again}", soft_wrap=True, highlight=False)

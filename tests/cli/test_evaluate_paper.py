@@ -47,14 +47,13 @@ def test_the_paper_and_ours_stand_side_by_side(asked, tmp_path, capsys):
     for text in ("31.71", "21.5 [20.2, 23.0]", "most novel actions", "does not hold", "4 / 4 / 4 networks"):
         assert text in out
     assert asked["settings"].source == "shipped"
-    assert asked["sensitivity"] is None
 
 
 def test_flags_reach_the_reproduction(asked, tmp_path):
-    run(out=tmp_path, retrain=True, sensitivity=True, seed=3, n_workers=1, resume=True, docs=tmp_path)
+    run(out=tmp_path, retrain=True, seed=3, n_workers=1, resume=True, docs=tmp_path)
     assert (asked["settings"].source, asked["settings"].seed, asked["n_workers"]) == ("retrain", 3, 1)
-    assert (asked["sensitivity"].seed, asked["resume"], asked["docs"]) == (3, True, tmp_path)
-    assert asked["command"] == "creative-nao evaluate paper --retrain --seed 3 --sensitivity"
+    assert (asked["resume"], asked["docs"]) == (True, tmp_path)
+    assert asked["command"] == "creative-nao evaluate paper --retrain --seed 3"
 
 
 def test_json_is_the_results_with_the_verdicts(asked, tmp_path, capsys):

@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.evaluation.paper.comparisons import epochs_to_level, unsteadiness
-from creative_nao.evaluation.paper.measuring import combination_figures, mixtures, steep_step_pct
+from creative_nao.evaluation.paper.summary import (
+    combination_figures,
+    epochs_to_level,
+    mixtures,
+    steep_step_pct,
+    unsteadiness,
+)
 from creative_nao.maps import PBMap, pb_grid, pb_map
 from creative_nao.measures import score
 

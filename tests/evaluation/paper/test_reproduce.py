@@ -11,9 +11,8 @@ import pytest
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.evaluation.paper import run as run_module
 from creative_nao.evaluation.paper.bank import PaperSettings, paper_settings, shipped_bank, train_bank
-from creative_nao.evaluation.paper.blocks import mean_cell, to_markdown
-from creative_nao.evaluation.paper.comparisons import TABLE_I
-from creative_nao.evaluation.paper.page import make_page, publish, read_content
+from creative_nao.evaluation.paper.claims import TABLE_I
+from creative_nao.evaluation.paper.page import make_page, mean_cell, publish, read_content
 from creative_nao.evaluation.paper.run import reproduce
 from creative_nao.model import NetworkSettings, shipped_memories
 
@@ -79,7 +78,7 @@ def test_one_worker_gives_the_same_bytes_as_two(reproduced, tmp_path, undrawn):
 
 
 def test_a_finished_run_is_continued_without_doing_anything_twice(reproduced, tmp_path, monkeypatch, undrawn):
-    monkeypatch.setattr("creative_nao.evaluation.paper.measuring.measure", lambda *_: pytest.fail("measured again"))
+    monkeypatch.setattr("creative_nao.evaluation.paper.summary.measure", lambda *_: pytest.fail("measured again"))
     monkeypatch.setattr("creative_nao.model.multi_seed.train_network", lambda *_, **__: pytest.fail("trained again"))
     folder = shutil.copytree(reproduced.folder, tmp_path / "run")
     for name in RESULTS:
@@ -152,7 +151,7 @@ def test_there_has_to_be_something_to_resume(tmp_path):
 
 
 def test_the_page_follows_from_the_files_alone(reproduced):
-    page = to_markdown(make_page(read_content(reproduced.folder), results_at=""))
+    page = make_page(read_content(reproduced.folder))
     assert page == (reproduced.folder / "reproduction.md").read_text(encoding="utf-8")
     assert "This is a quick look" in page
     for row in reproduced.results["rows"]:

@@ -6,10 +6,10 @@ import itertools
 
 import numpy as np
 import pytest
+from dtw_variants import dtw_variant_matrix
 
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures import dtw_matrix
-from creative_nao.measures.dtw import dtw_variant_matrix
 
 
 @functools.cache

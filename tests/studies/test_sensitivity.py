@@ -1,23 +1,29 @@
 """The open choices, changed one at a time: what is changed is changed, and nothing else."""
 
+import dataclasses
+import json
+
 import numpy as np
 import pytest
-
-from creative_nao.evaluation.paper.bank import Entry
-from creative_nao.evaluation.paper.sensitivity import (
+from sensitivity import (
     RESCORE,
     SCORINGS,
     TRAININGS,
     SensitivitySettings,
     epochs_of_training,
-    findings,
     learned_threshold,
+    main,
     order_of,
     rescore,
     retimed,
+    run_study,
     study_scoring,
     study_training,
 )
+
+from creative_nao.errors import SettingsError
+from creative_nao.evaluation.paper.bank import Entry, PaperSettings
+from creative_nao.evaluation.paper.run import reproduce
 from creative_nao.maps import pb_grid
 from creative_nao.measures import table
 from creative_nao.model import NetworkSettings
@@ -110,6 +116,7 @@ def studied(tmp_path_factory, tiny_memory):
     return folder, bank, {"settings": SMALL.described(), "scoring": scoring, "training": training}, seen
 
 
+@pytest.mark.slow
 def test_every_way_has_figures_and_verdicts_for_every_condition(studied):
     _, _, study, _ = studied
     assert [row["key"] for row in study["scoring"]] == ["default", "independent"]
@@ -120,12 +127,14 @@ def test_every_way_has_figures_and_verdicts_for_every_condition(studied):
     assert study["training"][1]["n_steps"] == 38
 
 
+@pytest.mark.slow
 def test_all_work_that_is_announced_is_reported_done(studied):
     _, bank, _, seen = studied
     last = {name: done for name, done, _ in seen}
     assert last == {RESCORE: len(bank), **epochs_of_training(SMALL)}
 
 
+@pytest.mark.slow
 def test_a_study_that_is_there_is_not_made_again(studied):
     folder, bank, study, _ = studied
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
@@ -134,23 +143,38 @@ def test_a_study_that_is_there_is_not_made_again(studied):
     assert before == {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_verdict_that_turns_is_told(studied):
-    _, _, study, _ = studied
-    rows = [{**row, "verdicts": {key: dict(one) for key, one in row["verdicts"].items()}} for row in study["scoring"]]
-    rows[0]["verdicts"]["half-novel"]["verdict"] = "holds"
-    rows[1]["verdicts"]["half-novel"]["verdict"] = "does not hold"
-    for row in rows:
-        row["order"] = {**row["order"], "novelty": ["half", "open", "closed"]}
-    told = findings({**study, "scoring": rows})
-    assert told[0] == (
-        "'Half closed training makes the most novel actions.' depends on how it is scored: holds with the defaults; "
-        "does not hold with DTW: a path of its own for each joint. Half has the largest mean in 2 of 2 ways."
-    )
-    assert findings({**study, "scoring": rows}, only_changing=True)[0] == told[0]
+TINY = PaperSettings("quick", n_seeds=1, n_epochs=60, resolution=8, network=NetworkSettings(layer_sizes=(12, 6, 3)))
 
 
-def test_a_verdict_that_never_changes_is_told_once(studied):
-    _, _, study, _ = studied
-    same = [line for line in findings(study) if "however it is scored: undecided" in line]
-    assert len(same) == 4  # of one network a condition nothing can be decided
-    assert not set(same) & set(findings(study, only_changing=True))
+@pytest.mark.slow
+def test_a_study_is_added_to_a_finished_reproduction(tmp_path, monkeypatch, capsys):
+    folder = tmp_path / "run"
+    reproduce(TINY, folder, n_workers=2, command="creative-nao evaluate paper --quick")
+    before = (folder / "results.json").read_bytes()
+    small = dataclasses.replace(SMALL, n_seeds=1, scorings=SCORINGS[:1], trainings=TRAININGS[:1])
+    monkeypatch.setattr("sensitivity.SensitivitySettings", lambda seed: dataclasses.replace(small, seed=seed))
+    monkeypatch.setattr("sys.argv", ["sensitivity.py", str(folder), "--n-workers", "2"])
+    main()
+    assert "sensitivity.json" in capsys.readouterr().out
+    assert json.loads((folder / "sensitivity.json").read_text())["settings"]["resolution"] == 6
+    assert "## What depends on which open choice" in (folder / "reproduction.md").read_text(encoding="utf-8")
+    assert "sensitivity.json" in json.loads((folder / "run.json").read_text())["hashes"]
+    assert (folder / "results.json").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"settings": {"suite": {"name": "quick"}}}, "is no run folder of `creative-nao evaluate paper`"),
+        ({"hashes": {}}, "is not finished"),
+        ({"memories": {"half/0": "0" * 64}}, r"made with other networks \(half/0 has changed"),
+    ],
+)
+def test_another_folder_is_refused(changes, text, tmp_path):
+    record = {
+        "command": "creative-nao evaluate paper", "versions": {}, "hashes": {"results.json": "0" * 64},
+        "settings": {"suite": {"name": "paper"}, "source": "shipped"}, **changes,
+    }  # fmt: skip
+    (tmp_path / "run.json").write_text(json.dumps(record))
+    with pytest.raises(SettingsError, match=text):
+        run_study(tmp_path, SMALL)
