@@ -1,11 +1,10 @@
 """How creative a set of actions is: NumPy arrays of joint angles in, numbers out.
 
 Distance
-    - `dtw`, `dtw_matrix`: dynamic time warping, its definition in `dtw.py` (reference in `dtw_reference.py`).
-    - `dtw_pairs`: of chosen pairs only (`pairs.py`).
+    - `dtw`, `dtw_matrix`, `dtw_pairs`: dynamic time warping, its definition in `dtw.py`.
 Each action
-    - `score` -> `Scores`: its outcome, its novelty and the basic action it is nearest to (`score.py`).
-    - `attribution` -> `Attribution`, `Stretch`: which basic action it resembles when (`attribution.py`).
+    - `score` -> `Scores`: its outcome, its novelty and the basic action it is nearest to.
+    - `attribution` -> `Attribution`, `Stretch`: which basic action it resembles when.
     - `Criteria`, `BasicActions`: where the lines between outcomes are drawn; what counts as basic actions.
     - `is_appropriate`, `largest_speeds`, `speed_limits`, `excursions`, `excursion_limit`: the lines themselves.
 A set of actions
@@ -22,14 +21,7 @@ A search
 Nothing here knows of networks or robots; numba is loaded by the first distance, not by the import.
 """
 
-from creative_nao.measures.attribution import (
-    Attribution,
-    Stretch,
-    attribution,
-    warping,
-    warping_diversity,
-    warping_path,
-)
+from creative_nao.measures.attribution import Attribution, Stretch, attribution
 from creative_nao.measures.coverage import (
     DensityCoverage,
     GridQuality,
@@ -51,7 +43,7 @@ from creative_nao.measures.diversity import (
     reward_scale,
     vendi_score,
 )
-from creative_nao.measures.dtw import dtw, dtw_matrix, dtw_pairs
+from creative_nao.measures.dtw import dtw, dtw_matrix, dtw_pairs, warping, warping_diversity, warping_path
 from creative_nao.measures.outcome import (
     OUTCOMES,
     BasicActions,

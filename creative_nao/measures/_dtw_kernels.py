@@ -1,16 +1,16 @@
-"""One step of exact dynamic time warping for many lanes at once: what every kernel of it shares.
+"""Exact dynamic time warping of many pairs at once, compiled with numba: the fast form of what `dtw.py` defines.
 
-Every function is put into the loop of its caller before that is compiled. One expression for all kernels, of
-instructions that the compiler cannot choose, gives the distance of two movements the same bits in all of them: left to
-itself, it may make one instruction of a product and a sum or leave them two, depending on what else it compiles.
+Up to 128 trajectories lie side by side as (tick, joint, lane). One instruction then works on the same cell of the
+dynamic programme for 8 or 16 of them, all against one shared other trajectory; a lane's answer is its last row's last
+cell. Two columns are done in one pass, because the postures of the lanes then have to be read only half as often.
+
+A lane never reads another lane, and every cell is computed by the same expression, so a distance has the same bits
+whatever shares its batch, however many threads there are, and whichever of the two comes first. The expression is put
+into every loop before that is compiled, and its instructions are fixed: left to itself, the compiler makes one
+instruction of a product and a sum or leaves them two, depending on what else it compiles.
 
 Throughout, p: (8, lanes) the lanes' postures at one tick; y: (m, 8) the other trajectory; before, now: (m + 1, lanes)
 two rows of the dynamic programme; first, last: the lanes worked on.
-
-Also here:
-- The arithmetic of `dtw.py`: exact dynamic time warping of many pairs at once, compiled with numba.
-- The arithmetic of `pairs.py`: as `_lanes.py`, but every lane is a pair of its own, both of whose members differ.
-- The arithmetic of `dtw_variants.py`, compiled with numba: one pair at a time, made for choice, not for speed.
 """
 
 from __future__ import annotations
@@ -26,6 +26,15 @@ from numba.extending import intrinsic
 # pyright: reportCallIssue=false
 
 
+LANE_BYTES = 512
+"""Size of one number of every trajectory in a batch: 128 trajectories in float32, 64 in float64."""
+
+STEP = 16
+"""Lanes go in steps of one 512-bit register of float32."""
+
+PAIRS = 32
+"""Pairs side by side: both members and two rows of the dynamic programme stay in a fast cache."""
+
 BLOCK = 8
 """Joints handled by one expression; the caller pads with zeros, which change no distance."""
 
@@ -34,6 +43,18 @@ BORDER = 1e30
 
 FUSES = bool(llvm.get_host_cpu_features().get("fma", not llvm.get_default_triple().startswith(("x86", "i"))))
 """Whether this machine has the instruction; where it has not, a product and a sum are rounded one by one."""
+
+
+def compiled(**options: Any) -> Any:
+    """Compile at the first call and keep the machine code on disk, or in memory where no folder can be written."""
+
+    def wrap(function: Any) -> Any:
+        try:
+            return njit(cache=True, nogil=True, **options)(function)
+        except RuntimeError:  # raised at import when there is no place for the cache
+            return njit(nogil=True, **options)(function)
+
+    return wrap
 
 
 @intrinsic
@@ -121,31 +142,12 @@ def fill_row(p, y, before, now, squares, first, last):
         j += 1
 
 
-LANE_BYTES = 512
-"""Size of one number of every trajectory in a batch: 128 trajectories in float32, 64 in float64."""
-
-STEP = 16
-"""Lanes go in steps of one 512-bit register of float32."""
-
-
-def compiled(**options: Any) -> Any:
-    """Compile at the first call and keep the machine code on disk, or in memory where no folder can be written."""
-
-    def wrap(function: Any) -> Any:
-        try:
-            return njit(cache=True, nogil=True, **options)(function)
-        except RuntimeError:  # raised at import when there is no place for the cache
-            return njit(nogil=True, **options)(function)
-
-    return wrap
-
-
 @compiled()
 def _against_one(x, n_steps, y, start, rows, squares, out):
-    """Distances of the lanes `start` and above to one trajectory.
+    """Fill `out` (lanes,) with the distances of the lanes from `start` on to one trajectory.
 
     x: (ticks, joints, lanes) side by side; n_steps: (lanes,) their lengths, rising; y: (m, joints) the other;
-    rows: (2, m + 1 or more, lanes) and squares: (lanes,) working memory; out: (lanes,) the distances.
+    rows: (2, m + 1 or more, lanes) and squares: (lanes,) working memory.
     """
     m = y.shape[0]
     rows[:, : m + 1] = BORDER
@@ -208,16 +210,12 @@ def fill_parallel(lanes, xs, x_offset, x_order, ys, y_offset, y_order, symmetric
         _batch(b * lanes, lanes, xs, x_offset, x_order, ys, y_offset, y_order, symmetric, out)
 
 
-LANES = 32
-"""Pairs side by side: both members and two rows of the dynamic programme stay in a fast cache."""
-
-
 @compiled()
 def _side_by_side(x, y, rows, squares):
     """Fill row 0 or 1 of `rows`, returned, column by column; its last column holds the distances.
 
     x, y: (ticks, joints, lanes) the members of the pairs; rows: (2, ticks + 1, lanes) and squares: (lanes,) working
-    memory. The expressions are those of `_cells.py`, so a pair has the same bits as elsewhere.
+    memory. The expressions are those of `fill_row`, so a pair has the same bits as elsewhere.
     """
     m = y.shape[0]
     rows[:] = BORDER
@@ -249,7 +247,7 @@ def _gather(values, places, width, out):
 
 
 @compiled()
-def __pairs_batch(values, first, second, out):
+def _batch_of_pairs(values, first, second, out):
     n = first.shape[0]
     width = (n + STEP - 1) // STEP * STEP
     joints = (values.shape[2] + BLOCK - 1) // BLOCK * BLOCK
@@ -265,9 +263,9 @@ def __pairs_batch(values, first, second, out):
 @compiled()
 def fill_pairs(values, first, second, out):
     """Fill `out` (n,) with the distances of values[first] to values[second]; values: (N, ticks, joints)."""
-    for start in range(0, first.shape[0], LANES):
-        stop = min(start + LANES, first.shape[0])
-        __pairs_batch(values, first[start:stop], second[start:stop], out[start:stop])
+    for start in range(0, first.shape[0], PAIRS):
+        stop = min(start + PAIRS, first.shape[0])
+        _batch_of_pairs(values, first[start:stop], second[start:stop], out[start:stop])
 
 
 @compiled()

@@ -8,9 +8,6 @@ is that of the best window that contains the tick. So a tick close to a seam is 
 and the seam is not smeared over a window's length.
 
 At rest all actions are in the same guard and equally near: there `margin` is small, and the answer means little.
-
-Also here:
-- Warping: do two actions differ in when things happen, beside what happens?
 """
 
 from __future__ import annotations
@@ -23,8 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from creative_nao.errors import SettingsError, ShapeError
-from creative_nao.measures.dtw import MAX_VALUE, refuse_where
-from creative_nao.measures.outcome import BasicActions
+from creative_nao.measures.dtw import MAX_VALUE, as_numbers, refuse_where
+from creative_nao.measures.outcome import BasicActions, check_basic_actions
+from creative_nao.schema import Positive, checked
 
 WINDOW_S = 1.5
 """About one punch and its way back."""
@@ -129,7 +127,8 @@ def attribution(trajectory: ArrayLike, demos: BasicActions, window_s: float = WI
         >>> [(demos.names[s.action], s.first) for s in attribution(jab_then_uppercut, demos).stretches()]
         [('left_jab', 0), ('right_uppercut', 25)]
     """
-    angles = np.asarray(trajectory, dtype=np.float64)
+    check_basic_actions(demos)
+    angles = as_numbers(trajectory, "trajectory")
     n_joints = demos.trajectories[0].shape[1]
     if angles.ndim != 2 or not len(angles) or angles.shape[1] != n_joints:
         raise ShapeError(
@@ -137,7 +136,7 @@ def attribution(trajectory: ArrayLike, demos: BasicActions, window_s: float = WI
             f"{angles.shape}."
         )
     refuse_where(~(np.abs(angles) <= MAX_VALUE), angles, "trajectory", f"finite values up to {MAX_VALUE:g}")
-    if not (np.isfinite(window_s) and round(window_s / demos.dt_s) >= 2):
+    if round(checked(Positive, window_s, "window_s") / demos.dt_s) < 2:
         raise SettingsError(
             f"`window_s` should be at least two ticks, {2 * demos.dt_s:g} s, but is {window_s}; a posture alone is no "
             "movement."
@@ -171,73 +170,3 @@ def _aligned(angles: np.ndarray, actions: list[np.ndarray], n_window: int) -> np
             np.minimum(row[j], row[j - 1], out=row[j])
             row[j] += here[j]
     return row.min(axis=0) / n_window
-
-
-def warping_path(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the best alignment of two trajectories, whose cost is `dtw(a, b)`.
-
-    Of equally good steps the diagonal one is taken, then one along `a`.
-
-    Args:
-        a: Shape (n, n_joints) [rad].
-        b: Shape (m, n_joints) [rad].
-
-    Returns:
-        Pairs of steps from (0, 0) to (n - 1, m - 1), shape (length, 2) of int.
-
-    Raises:
-        ShapeError: If shapes do not fit.
-    """
-    one, other = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-    if one.ndim != 2 or other.ndim != 2 or one.shape[1] != other.shape[1] or not len(one) or not len(other):
-        raise ShapeError(
-            f"`a` and `b` should have shapes (n, n_joints) and (m, n_joints), but have {one.shape} and {other.shape}."
-        )
-    cost = np.sqrt(((one[:, None] - other[None]) ** 2).sum(axis=2)).tolist()
-    n, m = len(one), len(other)
-    best = [[np.inf] * (m + 1) for _ in range(n + 1)]
-    best[0][0] = 0.0
-    for i in range(n):
-        for j in range(m):
-            best[i + 1][j + 1] = cost[i][j] + min(best[i][j], best[i][j + 1], best[i + 1][j])
-    i, j = n, m
-    path = [(n - 1, m - 1)]
-    while (i, j) != (1, 1):
-        steps = ((i - 1, j - 1), (i - 1, j), (i, j - 1))
-        i, j = min(steps, key=lambda place: best[place[0]][place[1]])
-        path.append((i - 1, j - 1))
-    return np.array(path[::-1])
-
-
-def warping(a: np.ndarray, b: np.ndarray) -> float:
-    """Return how far the best alignment of two trajectories leaves the diagonal on average, in [0, 1).
-
-    0: the same things happen at the same share of the time; larger: earlier or later. Our own definition: the mean,
-    along `warping_path`, of |i / (n - 1) - j / (m - 1)|; a trajectory of one step counts as 0.
-
-    Raises:
-        ShapeError: If shapes do not fit.
-
-    Example:
-        The same rise, once at the beginning and once at the end of five steps:
-
-        >>> early, late = np.array([[0.0], [1], [1], [1], [1]]), np.array([[0.0], [0], [0], [0], [1]])
-        >>> warping(early, late), warping(early, early)
-        (0.375, 0.0)
-    """
-    path = warping_path(a, b)
-    last = np.maximum(path[-1], 1)
-    shares = path / last
-    return float(np.abs(shares[:, 0] - shares[:, 1]).mean())
-
-
-def warping_diversity(trajectories: list[np.ndarray] | np.ndarray) -> float:
-    """Return the mean `warping` over all pairs, in [0, 1): how much a set varies in timing; higher is more.
-
-    Raises:
-        ShapeError: If there are fewer than two trajectories, or shapes do not fit.
-    """
-    n = len(trajectories)
-    if n < 2:
-        raise ShapeError(f"`trajectories` should hold at least two actions, but holds {n}.")
-    return float(np.mean([warping(trajectories[i], trajectories[j]) for i in range(n) for j in range(i)]))

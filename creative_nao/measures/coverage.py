@@ -1,9 +1,6 @@
-"""Density and coverage: how generated actions lie among those of a reference (Naeem et al. 2020, arXiv:2002.09797).
+"""How much a set of actions covers, of a reference or of a grid of descriptors, and how much a search found.
 
-Also here:
-- A grid over descriptors: how many kinds of action were found, and how good the best of each is.
-- How much a search found for its trying: beside the oracle, action by action.
-- Unexpectedness: how rarely would chance have found something as new?
+Density and coverage: Naeem et al. 2020, arXiv:2002.09797. QD score: Pugh et al. 2015.
 """
 
 from __future__ import annotations
@@ -15,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from creative_nao.errors import SettingsError, ShapeError
-from creative_nao.measures.dtw import refuse_where
+from creative_nao.measures.dtw import as_numbers, refuse_where
+from creative_nao.schema import Count, checked
 
 NEAREST_K = 5
 """Neighbours that make the ball around a reference item, as in the paper's examples."""
@@ -58,8 +56,8 @@ def density_coverage(
         >>> density_coverage(abs(line[:, None] - line), abs(line[:, None] - generated), nearest_k=1)
         DensityCoverage(density=1.0, coverage=0.5)
     """
-    own, between = np.asarray(reference_distances), np.asarray(distances)
-    n = len(own)
+    own, between = as_numbers(reference_distances, "reference_distances"), as_numbers(distances, "distances")
+    n = own.shape[0] if own.ndim else 0
     if own.shape != (n, n) or between.ndim != 2 or len(between) != n or not between.shape[1]:
         raise ShapeError(
             f"`reference_distances` and `distances` should have shapes (n, n) and (n, m), but have {own.shape} and "
@@ -67,7 +65,7 @@ def density_coverage(
         )
     for name, values in (("reference_distances", own), ("distances", between)):
         refuse_where(~(values >= 0), values, name, "numbers of at least 0")
-    if not 1 <= nearest_k < n:
+    if not checked(Count, nearest_k, "nearest_k") < n:
         raise SettingsError(f"`nearest_k` should be at least 1 and below {n}, but is {nearest_k}.")
     # Place 0 of the sorted row is the item itself.
     radii = np.partition(own, nearest_k, axis=1)[:, nearest_k]
@@ -111,8 +109,8 @@ def grid_quality(
         >>> grid_quality([[0.1], [0.2], [0.9]], [1.0, 3.0, 2.0], low=[0], high=[1], n_cells=2)
         GridQuality(qd_score=5.0, coverage=1.0, n_filled=2)
     """
-    places, values = np.asarray(descriptors, dtype=np.float64), np.asarray(qualities, dtype=np.float64)
-    lowest, highest = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
+    places, values = as_numbers(descriptors, "descriptors"), as_numbers(qualities, "qualities")
+    lowest, highest = as_numbers(low, "low"), as_numbers(high, "high")
     if places.ndim != 2 or values.shape != places.shape[:1] or not lowest.shape == highest.shape == places.shape[1:]:
         raise ShapeError(
             "`descriptors`, `qualities`, `low` and `high` should have shapes (n, n_dims), (n,), (n_dims,) and "
@@ -120,7 +118,7 @@ def grid_quality(
         )
     refuse_where(~np.isfinite(places), places, "descriptors", "finite numbers")
     refuse_where(~(np.isfinite(values) & (values >= 0)), values, "qualities", "numbers finite and at least 0")
-    if n_cells < 1 or not (lowest < highest).all():
+    if not (checked(Count, n_cells, "n_cells") and (lowest < highest).all()):
         raise SettingsError(f"a grid needs `n_cells` of at least 1 and `low` below `high`, but has {n_cells} cells.")
     cells = np.clip((places - lowest) / (highest - lowest) * n_cells, 0, n_cells - 1).astype(np.int64)
     best: dict[tuple[int, ...], float] = {}
@@ -178,7 +176,7 @@ def first_novel(outcomes: Sequence[str]) -> int | None:
 
 
 def _both(rewards: ArrayLike, oracle_rewards: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    earned, most = np.asarray(rewards, dtype=np.float64), np.asarray(oracle_rewards, dtype=np.float64)
+    earned, most = as_numbers(rewards, "rewards"), as_numbers(oracle_rewards, "oracle_rewards")
     if earned.ndim != 1 or most.ndim != 1 or not 1 <= len(earned) <= len(most):
         raise ShapeError(
             "`rewards` and `oracle_rewards` should have shapes (n,) and (n,) or longer, with n at least 1, but have "
@@ -207,7 +205,7 @@ def unexpectedness(distances: ArrayLike, expected: ArrayLike) -> np.ndarray:
         >>> unexpectedness([0.0, 2.5, 9.0], expected=[1.0, 2.0, 3.0]).tolist()
         [0.0, 1.0, 2.0]
     """
-    found, usual = np.asarray(distances, dtype=np.float64), np.asarray(expected, dtype=np.float64)
+    found, usual = as_numbers(distances, "distances"), as_numbers(expected, "expected")
     if found.ndim != 1 or usual.ndim != 1 or not len(usual):
         raise ShapeError(
             "`distances` and `expected` should have shapes (n,) and (m,) with m at least 1, but have "

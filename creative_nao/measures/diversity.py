@@ -1,21 +1,25 @@
-"""Random samples of generated actions: what novelty and diversity are means over.
+"""Measures of a set of actions: novelty, diversity, the greedy oracle's choice and the Vendi score.
 
-Also here:
-- Novelty: how far generated actions lie from the nearest thing the robot was taught.
-- Diversity: how far generated actions lie from each other.
-- The best an explorer could do: always pick the action farthest from everything known so far.
-- The Vendi score: how many different actions a set amounts to.
+Novelty and diversity are means over random samples of the appropriate actions, as in the paper.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from creative_nao.errors import SettingsError, ShapeError
-from creative_nao.measures.dtw import Trajectories, dtw_matrix, refuse_where
-from creative_nao.measures.outcome import PAPER_CRITERIA, BasicActions, Criteria, is_appropriate
+from creative_nao.errors import SettingsError, ShapeError, shown
+from creative_nao.measures.dtw import Trajectories, as_numbers, at_least_two, dtw_matrix, refuse_where
+from creative_nao.measures.outcome import (
+    PAPER_CRITERIA,
+    BasicActions,
+    Criteria,
+    check_basic_actions,
+    is_appropriate,
+)
+from creative_nao.schema import Count, Positive, checked
 
 N_SAMPLES = 30
 """Actions in a sample, as in the paper."""
@@ -63,9 +67,7 @@ def draw_samples(
         ShapeError: If fewer than `at_least` actions are available.
         SettingsError: If a number is below one.
     """
-    for name, value in {"n_samples": n_samples, "n_draws": n_draws}.items():
-        if value < 1:
-            raise SettingsError(f"`{name}` should be at least 1, but is {value}.")
+    n_samples, n_draws = checked(Count, n_samples, "n_samples"), checked(Count, n_draws, "n_draws")
     if n_samples < at_least:
         raise SettingsError(f"`n_samples` should be at least {at_least} for this measure, but is {n_samples}.")
     indices = np.flatnonzero(available)
@@ -74,9 +76,21 @@ def draw_samples(
             f"`trajectories` should hold at least {at_least} appropriate actions to draw from, "
             f"but {len(indices)} of {len(available)} are appropriate."
         )
-    generator = np.random.default_rng(rng)
+    generator = generator_of(rng)
     size = min(n_samples, len(indices))
     return np.array([np.sort(generator.choice(indices, size=size, replace=False)) for _ in range(n_draws)])
+
+
+def generator_of(rng: np.random.Generator | int) -> np.random.Generator:
+    """Return a generator, or one made from a seed.
+
+    Raises:
+        SettingsError: If it is neither.
+    """
+    try:
+        return np.random.default_rng(rng)
+    except (TypeError, ValueError):
+        raise SettingsError(f"`rng` should be a generator of NumPy or a seed, but is {shown(rng)}.") from None
 
 
 def summarise(values: np.ndarray, n_samples: int) -> Draws:
@@ -85,17 +99,28 @@ def summarise(values: np.ndarray, n_samples: int) -> Draws:
     return Draws(float(values.mean()), std, values, n_samples)
 
 
-def check_mask(appropriate: np.ndarray, n: int) -> None:
-    """Refuse a mask that does not say yes or no for each of `n` trajectories.
+def allowed_actions(
+    trajectories: Trajectories, demos: BasicActions | None, criteria: Criteria, appropriate: np.ndarray | None
+) -> np.ndarray:
+    """Return which actions a measure may use, shape (n,) of bool.
+
+    That is `appropriate` if it is known; else it is worked out from the basic actions, or is all without them.
 
     Raises:
-        ShapeError: If its shape or type is another.
+        ShapeError: If the mask does not say yes or no for each trajectory, or shapes do not fit.
     """
-    if appropriate.shape != (n,) or appropriate.dtype != bool:
+    if appropriate is None and demos is not None:
+        return is_appropriate(trajectories, demos, criteria)
+    if not isinstance(trajectories, Sequence | np.ndarray):
+        raise ShapeError(f"`trajectories` should be a list of arrays or one array, but is {shown(trajectories)}.")
+    n = len(trajectories)
+    mask = np.ones(n, dtype=bool) if appropriate is None else np.asarray(appropriate)
+    if mask.shape != (n,) or mask.dtype != bool:
         raise ShapeError(
             f"`appropriate` should be a mask of shape ({n},), one bool for each trajectory, "
-            f"but is {appropriate.dtype} of shape {appropriate.shape}."
+            f"but is {mask.dtype} of shape {mask.shape}."
         )
+    return mask
 
 
 def novelty(
@@ -124,8 +149,8 @@ def novelty(
     Raises:
         ShapeError: If no action is appropriate, or shapes do not fit.
     """
-    allowed = is_appropriate(trajectories, demos, criteria) if appropriate is None else np.asarray(appropriate)
-    check_mask(allowed, len(trajectories))
+    check_basic_actions(demos)
+    allowed = allowed_actions(trajectories, demos, criteria, appropriate)
     samples = draw_samples(allowed, rng, n_samples, n_draws)
     drawn, place = np.unique(samples, return_inverse=True)
     nearest = dtw_matrix([trajectories[k] for k in drawn], list(demos.trajectories)).min(axis=1)
@@ -138,14 +163,14 @@ def mean_pairwise_distance(trajectories: Trajectories) -> float:
     Raises:
         ShapeError: If there are fewer than two.
     """
-    if len(trajectories) < 2:
-        raise ShapeError(f"`trajectories` should hold at least two actions, but holds {len(trajectories)}.")
+    at_least_two(trajectories)
     distances = dtw_matrix(trajectories)
     return float(distances[np.triu_indices(len(distances), k=1)].mean())
 
 
 def reward_scale(demos: BasicActions) -> float:
     """Return the mean distance between the basic actions [rad], the unit in which the environments pay novelty."""
+    check_basic_actions(demos)
     return mean_pairwise_distance(list(demos.trajectories))
 
 
@@ -173,13 +198,7 @@ def diversity(
     Raises:
         ShapeError: If fewer than two actions are available, or shapes do not fit.
     """
-    if appropriate is not None:
-        allowed = np.asarray(appropriate)
-    elif demos is not None:
-        allowed = is_appropriate(trajectories, demos, criteria)
-    else:
-        allowed = np.ones(len(trajectories), dtype=bool)
-    check_mask(allowed, len(trajectories))
+    allowed = allowed_actions(trajectories, demos, criteria, appropriate)
     samples = draw_samples(allowed, rng, n_samples, n_draws, at_least=2)
     values = np.array([mean_pairwise_distance([trajectories[k] for k in sample]) for sample in samples])
     return summarise(values, samples.shape[1])
@@ -228,11 +247,9 @@ def farthest_points(
         ShapeError: If the mask does not fit or shapes do not.
         SettingsError: If `n_actions` is below one.
     """
-    if n_actions < 1:
-        raise SettingsError(f"`n_actions` should be at least 1, but is {n_actions}.")
-    allowed = is_appropriate(trajectories, demos, criteria) if appropriate is None else np.asarray(appropriate)
-    check_mask(allowed, len(trajectories))
-    candidates = np.flatnonzero(allowed)
+    n_actions = checked(Count, n_actions, "n_actions")
+    check_basic_actions(demos)
+    candidates = np.flatnonzero(allowed_actions(trajectories, demos, criteria, appropriate))
     if isinstance(trajectories, np.ndarray):
         pool: Trajectories = trajectories[candidates]
     else:
@@ -278,7 +295,7 @@ def vendi_score(similarity: np.ndarray) -> float:
         >>> float(np.floor(1e4 * vendi_score(np.array([[1, 0.9, 0], [0.9, 1, 0], [0, 0, 1]]))) / 1e4)
         2.1573
     """
-    matrix = np.asarray(similarity, dtype=np.float64)
+    matrix = as_numbers(similarity, "similarity")
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not len(matrix):
         raise ShapeError(f"`similarity` should have shape (n, n) with n at least 1, but has {matrix.shape}.")
     refuse_where(~np.isfinite(matrix), matrix, "similarity", "finite numbers")
@@ -301,6 +318,4 @@ def dtw_similarity(trajectories: Trajectories, length_scale_rad: float = LENGTH_
         SettingsError: If the length scale is not above 0.
         ShapeError: If shapes do not fit.
     """
-    if not length_scale_rad > 0:
-        raise SettingsError(f"`length_scale_rad` should be above 0, but is {length_scale_rad}.")
-    return np.exp(-dtw_matrix(trajectories) / length_scale_rad)
+    return np.exp(-dtw_matrix(trajectories) / checked(Positive, length_scale_rad, "length_scale_rad"))

@@ -13,8 +13,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import DTypeLike
 
-from creative_nao.errors import SettingsError, ShapeError
-from creative_nao.measures.dtw import Trajectories, dtw_matrix
+from creative_nao.errors import SettingsError, ShapeError, shown
+from creative_nao.measures.dtw import Trajectories, as_numbers, dtw_matrix
+from creative_nao.schema import NonNegative, record
 
 OUTCOMES = ("learned", "unlearned", "fluctuating", "non_moving")
 """Outcomes of a trajectory by itself; each has exactly one."""
@@ -46,7 +47,7 @@ class BasicActions(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@record
 class Criteria:
     """Where the paper draws the lines between outcomes; its values are the defaults.
 
@@ -60,17 +61,10 @@ class Criteria:
             that hardly move in the basic actions would otherwise forbid almost everything.
     """
 
-    speed_factor: float = 1.5
-    excursion_share: float = 0.1
-    learned_threshold: float = 10.0
+    speed_factor: NonNegative = 1.5
+    excursion_share: NonNegative = 0.1
+    learned_threshold: NonNegative = 10.0
     per_joint: bool = False
-
-    def __post_init__(self) -> None:
-        """Refuse values that make no criterion."""
-        for name in ("speed_factor", "excursion_share", "learned_threshold"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise SettingsError(f"`{name}` should be a number, 0 or larger, but is {value}.")
 
 
 PAPER_CRITERIA = Criteria()
@@ -129,6 +123,7 @@ def excursions(trajectories: Trajectories) -> np.ndarray:
 
 def speed_limits(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> np.ndarray:
     """Return the speed above which each joint fluctuates [rad/s], shape (n_joints,)."""
+    check_basic_actions(demos)
     fastest = largest_speeds(demos.trajectories, demos.dt_s).max(axis=0)
     if not criteria.per_joint:
         fastest = np.full_like(fastest, fastest.max())
@@ -137,6 +132,7 @@ def speed_limits(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> np
 
 def excursion_limit(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> float:
     """Return the excursion below which an action counts as standing still [rad]."""
+    check_basic_actions(demos)
     return criteria.excursion_share * float(excursions(demos.trajectories).min())
 
 
@@ -169,17 +165,36 @@ def is_appropriate(trajectories: Trajectories, demos: BasicActions, criteria: Cr
     return ~(is_fluctuating(trajectories, demos, criteria) | is_non_moving(trajectories, demos, criteria))
 
 
+def check_basic_actions(demos: BasicActions) -> None:
+    """Refuse what is no set of basic actions.
+
+    Raises:
+        SettingsError: If it lacks trajectories or their tick.
+    """
+    if not (hasattr(demos, "trajectories") and hasattr(demos, "dt_s")):
+        raise SettingsError(
+            "`demos` should be basic actions, with `trajectories` and `dt_s` as `load_demonstrations()` has them, but "
+            f"is a {type(demos).__name__}."
+        )
+
+
 def check_same_joints(trajectories: Trajectories, demos: BasicActions) -> None:
     """Refuse trajectories that are not arrays of the basic actions' joints, with the place of the first fault.
 
     Raises:
         ShapeError: Naming the trajectory, the shape expected and the shape found.
     """
+    check_basic_actions(demos)
     n_joints = demos.trajectories[0].shape[1]
     if isinstance(trajectories, np.ndarray) and trajectories.ndim == 3:
         shapes = [trajectories.shape[1:]] if len(trajectories) else []
+    elif isinstance(trajectories, Sequence) or (isinstance(trajectories, np.ndarray) and trajectories.ndim):
+        shapes = [as_numbers(one, f"trajectories[{place}]").shape for place, one in enumerate(trajectories)]
     else:
-        shapes = (np.shape(one) for one in trajectories)
+        raise ShapeError(
+            f"`trajectories` should be a list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array, "
+            f"but is {shown(trajectories)}."
+        )
     for place, shape in enumerate(shapes):
         if len(shape) != 2 or shape[1] != n_joints or shape[0] < 1:
             raise ShapeError(
@@ -206,7 +221,7 @@ def _numbered_blocks(trajectories: Trajectories) -> Iterator[tuple[int, np.ndarr
             yield start, np.asarray(one, dtype=np.float64)[None]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scores:
     """The measures of n trajectories.
 
@@ -226,6 +241,11 @@ class Scores:
 
     def __len__(self) -> int:
         return len(self.outcome)
+
+    def __repr__(self) -> str:
+        counted = ", ".join(f"{np.sum(self.outcome == name)} {name}" for name in OUTCOMES)
+        novelty = f"; novelty {self.novelty.min():.2f} to {self.novelty.max():.2f} rad" if len(self) else ""
+        return f"Scores of {len(self)} trajectories: {counted}{novelty}"
 
     def share_pct(self, outcome: str) -> float:
         """Return how many of the trajectories have this outcome [%]; NaN when there are none."""

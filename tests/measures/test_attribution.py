@@ -1,5 +1,3 @@
-import doctest
-import importlib
 import itertools
 
 import numpy as np
@@ -108,6 +106,7 @@ def test_without_a_cost_the_stretches_are_the_nearest(demonstrations):
         (np.zeros((9, 7)), r"`trajectory` should have shape \(n_steps, 8\), .* but has \(9, 7\)"),
         (np.zeros((0, 8)), r"but has \(0, 8\)"),
         (np.full((9, 8), np.inf), "`trajectory` should hold finite values"),
+        ("a", "`trajectory` should be an array of numbers, but is 'a'"),
     ],
 )
 def test_a_bad_trajectory_is_named(taught, trajectory, message):
@@ -120,9 +119,3 @@ def test_bad_settings_are_named(taught):
         attribution(taught.trajectories[0], taught, window_s=0.1)
     with pytest.raises(SettingsError, match="`switch_cost` should be 0 or more, but is -1"):
         attribution(taught.trajectories[0], taught).stretches(-1)
-
-
-def test_the_example_says_what_happens():
-    result = doctest.testmod(importlib.import_module("creative_nao.measures.attribution"))
-    assert result.attempted > 0
-    assert result.failed == 0

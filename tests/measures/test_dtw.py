@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures import _dtw_kernels, dtw, dtw_matrix
 from creative_nao.measures import dtw as dtw_function
-from creative_nao.measures.dtw import dtw_reference
+from creative_nao.measures.dtw import cumulative_cost
 
 # The public function hides the module of the same name.
 dtw_module = sys.modules[dtw_function.__module__]
@@ -21,6 +21,10 @@ angles = st.floats(-3.0, 3.0, width=32)
 
 def trajectories(n_joints=8):
     return st.integers(1, 12).flatmap(lambda n: arrays(np.float64, (n, n_joints), elements=angles))
+
+
+def dtw_reference(a, b):
+    return cumulative_cost(a, b)[-1][-1]
 
 
 def walks(rng, lengths, n_joints=8):
@@ -138,6 +142,8 @@ def test_an_empty_set_has_no_distances():
     [
         ([1.0, 2.0], [[1.0]], r"`a` should be an array of numbers of shape \(n_steps, n_joints\), .* shape \(2,\)"),
         ([[1.0]], [["x"]], r"`b` should be an array of numbers"),
+        ("a", 1, r"`a` should be an array of numbers of shape \(n_steps, n_joints\), but has shape \(\)"),
+        ([[1.0]], None, r"`b` should be an array of numbers"),
         ([[1.0]], [[1.0], [2.0, 3.0]], r"`b` should be an array of numbers"),
         ([[1.0]], np.zeros((0, 1)), r"`b` should have at least one posture and one joint, but has shape \(0, 1\)"),
         ([[1.0]], [[1.0], [np.nan]], r"`b` should hold finite values .* but is nan at step 1, joint 0"),
@@ -164,7 +170,15 @@ def test_a_fault_in_a_set_names_the_trajectory(a, text):
         dtw_matrix(a)
 
 
+@pytest.mark.parametrize("a", [None, 3, {"a": 1}])
+def test_what_is_no_set_is_refused(a):
+    with pytest.raises(ShapeError, match=r"`list_a` should be a list of .* but is "):
+        dtw_matrix(a)
+
+
 def test_other_types_of_number_are_refused():
+    with pytest.raises(SettingsError, match="`dtype` should be float32 or float64, but is 'angle'"):
+        dtw_matrix(np.zeros((1, 2, 8)), dtype="angle")
     with pytest.raises(SettingsError, match="`dtype` should be float32 or float64, but is int64"):
         dtw_matrix(np.zeros((1, 2, 8)), dtype=np.int64)
 

@@ -3,7 +3,7 @@ import importlib
 
 import pytest
 
-NAMES = ("dtw", "score", "vendi", "coverage", "warping", "grid", "efficiency", "unexpectedness")
+NAMES = ("dtw", "outcome", "diversity", "coverage", "attribution")
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,8 +1,19 @@
 import numpy as np
 import pytest
 
-from creative_nao.errors import ShapeError
-from creative_nao.measures import OUTCOMES, Criteria, dtw, is_appropriate, score
+from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.measures import (
+    OUTCOMES,
+    Criteria,
+    diversity,
+    dtw,
+    farthest_points,
+    is_appropriate,
+    novelty,
+    reward_scale,
+    score,
+    table,
+)
 
 
 def test_copies_of_the_basic_actions_are_learned_and_not_new(taught):
@@ -84,3 +95,38 @@ def test_an_empty_set_has_empty_scores(taught):
 def test_a_trajectory_of_other_joints_is_refused(taught):
     with pytest.raises(ShapeError, match=r"`trajectories\[0\]` should have shape \(n_steps, 8\)"):
         score(np.zeros((4, 40, 6)), taught)
+
+
+def test_scores_are_told_in_one_line(taught, blends):
+    assert repr(score(taught.trajectories, taught)) == (
+        "Scores of 3 trajectories: 3 learned, 0 unlearned, 0 fluctuating, 0 non_moving; novelty 0.00 to 0.00 rad"
+    )
+    assert len(repr(score(blends, taught)).splitlines()) == 1
+    assert repr(score([], taught)).startswith("Scores of 0 trajectories")
+
+
+@pytest.mark.parametrize("wrong", [None, 3, "ab", [["a", 1]], [None]])
+def test_what_is_no_trajectory_is_refused(taught, wrong):
+    for measure in (score, is_appropriate, novelty, farthest_points, table):
+        with pytest.raises(ShapeError, match="`trajectories"):
+            measure(wrong, taught)
+    with pytest.raises(ShapeError):
+        diversity(wrong)
+
+
+@pytest.mark.parametrize("wrong", [None, 3, "half/0"])
+def test_what_is_no_set_of_basic_actions_is_refused(taught, wrong):
+    for measure in (score, is_appropriate, novelty, farthest_points, table):
+        with pytest.raises(SettingsError, match="`demos` should be basic actions"):
+            measure(taught.trajectories, wrong)
+    with pytest.raises(SettingsError, match="`demos` should be basic actions"):
+        reward_scale(wrong)
+
+
+def test_settings_of_another_kind_are_refused(taught):
+    with pytest.raises(SettingsError, match="`rng` should be a generator of NumPy or a seed, but is 'seed'"):
+        novelty(taught.trajectories, taught, rng="seed")
+    with pytest.raises(SettingsError, match="`n_draws` should be a whole number, but is 'many'"):
+        diversity(taught.trajectories, taught, n_draws="many")
+    with pytest.raises(SettingsError, match="`speed_factor` should be a number, but is 'fast'"):
+        Criteria(speed_factor="fast")
