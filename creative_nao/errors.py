@@ -58,7 +58,7 @@ class TrainingError(CreativeNaoError, ArithmeticError):
 
 def nearest_name(name: str, known: Iterable[str]) -> str:
     """Return `` (did you mean `x`?)`` for the known name most like `name`, else an empty string."""
-    matches = difflib.get_close_matches(name[:100], [word for word in known if len(word) <= 100], n=1, cutoff=0.5)
+    matches = difflib.get_close_matches(str(name)[:100], [word for word in known if len(word) <= 100], n=1, cutoff=0.5)
     return f" (did you mean `{matches[0]}`?)" if matches else ""
 
 

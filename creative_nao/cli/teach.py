@@ -12,7 +12,7 @@ import numpy as np
 
 from creative_nao import runtime
 from creative_nao.cli.terminal import changed_flags, print_result
-from creative_nao.demonstrations import Demonstrations, Variation, save_demonstrations
+from creative_nao.demonstrations import Demonstrations, GuidanceVariation, save_demonstrations
 from creative_nao.errors import SettingsError
 from creative_nao.measures import dtw_matrix
 
@@ -28,13 +28,13 @@ class TeachSettings:
     """Folder for the six CSV files and record.json; files of these names are replaced."""
     seed: int = 0
     """Seed of everything in which the person varies; the same seed gives the same files."""
-    timing: float = Variation.timing
+    timing: float = GuidanceVariation.timing
     """How much the duration of each part of a movement varies, as a share of it (standard deviation)."""
-    reach: float = Variation.reach
+    reach: float = GuidanceVariation.reach
     """How much each key posture falls short or goes far, as a share of its way from the guard (standard deviation)."""
-    drift_rad: float = Variation.drift_rad
+    drift_rad: float = GuidanceVariation.drift_rad
     """Slow wander of each joint, standard deviation [rad]."""
-    tremor_rad: float = Variation.tremor_rad
+    tremor_rad: float = GuidanceVariation.tremor_rad
     """Tremor of the hand in each joint, 8 to 12 Hz, standard deviation [rad]."""
     json: bool = False
     """Print the figures as JSON instead of a table."""
@@ -57,7 +57,7 @@ def run(settings: TeachSettings) -> int:
         raise SettingsError(f"`seed` should be 0 or larger, but is {settings.seed}.")
     if settings.out.exists() and not settings.out.is_dir():
         raise SettingsError(f"`out` should be a folder, but {settings.out} is a file.")
-    variation = Variation(settings.timing, settings.reach, settings.drift_rad, settings.tremor_rad)
+    variation = GuidanceVariation(settings.timing, settings.reach, settings.drift_rad, settings.tremor_rad)
     lessons = teach(np.random.default_rng(settings.seed), variation=variation)
     demos = as_demonstrations(lessons)
     figures = _figures(lessons, demos)

@@ -4,7 +4,7 @@
 - `load_trajectory`, `save_trajectory`: one CSV file, at any rate (`files.py`, `resampling.py`).
 - `Demonstrations`: names, trajectories, tick, joints and record, checked (`dataset.py`).
 - `ACTIONS`, `keyframes`, `Movement`: the six boxing actions as key postures (`keyframes.py`).
-- `Variation`, `vary`: how a person's guidance differs from them (`keyframes.py`).
+- `GuidanceVariation`, `vary`: how a person's guidance differs from them (`keyframes.py`).
 
 `teaching.py` leads the simulated robot's limp arms through them and says what is wrong with the result. It loads MuJoCo
 and is imported by name only where something is taught.
@@ -12,13 +12,13 @@ and is imported by name only where something is taught.
 
 from creative_nao.demonstrations.dataset import Demonstrations
 from creative_nao.demonstrations.files import load_demonstrations, load_trajectory, save_demonstrations, save_trajectory
-from creative_nao.demonstrations.keyframes import ACTIONS, Movement, Variation, keyframes, vary
+from creative_nao.demonstrations.keyframes import ACTIONS, GuidanceVariation, Movement, keyframes, vary
 
 __all__ = [
     "ACTIONS",
     "Demonstrations",
+    "GuidanceVariation",
     "Movement",
-    "Variation",
     "keyframes",
     "load_demonstrations",
     "load_trajectory",

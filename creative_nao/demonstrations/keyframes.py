@@ -22,7 +22,7 @@ import numpy as np
 
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.joints import GUARD_ARM_RAD, JOINTS, MIRROR_SIGN, limits
-from creative_nao.schema import Field, record
+from creative_nao.schema import Field, checked, record
 
 DT_S = 0.15
 """Time between two postures of a basic action, the network's tick [s]."""
@@ -139,7 +139,7 @@ def keyframes(name: str) -> Movement:
         >>> left_jab.at(np.arange(N_STEPS) * DT_S).shape
         (50, 8)
     """
-    if name not in ACTIONS:
+    if checked(str, name, "name") not in ACTIONS:
         raise NotFoundError(
             f"no basic action `{name}`{nearest_name(name, ACTIONS)}; there are {', '.join(f'`{a}`' for a in ACTIONS)}."
         )
@@ -154,7 +154,7 @@ def keyframes(name: str) -> Movement:
 
 
 @record
-class Variation:
+class GuidanceVariation:
     """How much a person's guidance varies. Zero everywhere gives the key postures exactly.
 
     Attributes:
@@ -222,7 +222,7 @@ class GuidedPath:
         return np.clip(path, low + self.margin_rad, high - self.margin_rad)
 
 
-def vary(movement: Movement, variation: Variation, rng: np.random.Generator) -> GuidedPath:
+def vary(movement: Movement, variation: GuidanceVariation, rng: np.random.Generator) -> GuidedPath:
     """Return the path of a hand that means `movement` but, like every hand, does not hit it exactly.
 
     The first and the last posture stay the guard and the total duration stays as it is; every key posture between them

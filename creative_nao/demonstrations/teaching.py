@@ -1,22 +1,22 @@
-"""A person's hand around a forearm: a spring and a damper, no stronger than a hand is.
+"""Kinesthetic teaching: a hand leads the robot's limp arms through an action, and the robot records its joints.
 
-The hand wants the forearm at a place and in an attitude; it pulls and twists towards them. So the arm is dragged, not
-set: it lags in a fast punch, sags under its weight, and stops where the robot's body is in the way.
-
-Also here:
-- Kinesthetic teaching: a person leads the robot's limp arms through an action, and the robot records its joints.
-- Is a set of taught boxing actions fit to learn from? What is wrong is said in words, nothing is mended.
+A hand is a spring and a damper around a forearm, no stronger than a person's. The arm is dragged, not set: it lags in a
+fast punch, sags under its weight, and stops where the robot's body is in the way. `shortcomings` says whether a set of
+taught actions is fit to learn from.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import creative_nao.robot  # noqa: F401 - it chooses how MuJoCo draws, which must come before MuJoCo
+
+# isort: split
 
 import mujoco
 import numpy as np
 
-import creative_nao.robot  # noqa: F401 - it chooses how MuJoCo draws, which must come before MuJoCo
 from creative_nao.demonstrations.dataset import Demonstrations
 from creative_nao.demonstrations.keyframes import (
     ACTIONS,
@@ -24,27 +24,44 @@ from creative_nao.demonstrations.keyframes import (
     DURATION_S,
     GUARD,
     N_STEPS,
+    GuidanceVariation,
     GuidedPath,
-    Variation,
     both_arms,
     keyframes,
     vary,
 )
-from creative_nao.errors import SettingsError
 from creative_nao.joints import ENCODER_STEP_RAD, JOINTS, limits, read_encoder
+from creative_nao.schema import Field, record
 
 if TYPE_CHECKING:
     from creative_nao.robot.scene import Scene
 
-
-# The bindings of MuJoCo and the element types of dm_control have no static types.
+# The bindings of MuJoCo have no static types.
 # pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
 
+FOREARMS = ("nao/RForearm", "nao/LForearm")
+"""Bodies that the hands hold, right first as in `joints.JOINTS`."""
 
-# isort: split
+HELD_AT_M = (0.045, 0.0, 0.0)
+"""Where the hands hold, in the frame of the forearm: just before the wrist."""
+
+SETTLE_S = 0.5
+"""Held still in the first posture before the recording starts [s]."""
+
+FRAME_DT_S = 0.05
+"""Time between the snapshots kept for a film [s]."""
+
+SPEED_RANGE_RAD_S = (5.0, 6.0)
+"""Where the largest speed over a tick, over the whole set, should lie: brisk, and within what the motors can do."""
+
+GUARD_TOLERANCE_RAD = 0.12
+"""How far from the guard an action may start and end [rad]; every generated action starts at the mean."""
+
+MIN_DISTANCE_RAD = 20.0
+"""Smallest warping distance between two of the six: twice the distance up to which an action counts as learned."""
 
 
-@dataclass(frozen=True)
+@record
 class Grip:
     """How firmly a hand holds. With the defaults the arm is 0.01 rad off on average, up to 0.2 rad in a fast punch.
 
@@ -57,26 +74,12 @@ class Grip:
         max_torque_nm: The strongest twist [N m].
     """
 
-    stiffness_n_m: float = 1200.0
-    damping_ns_m: float = 20.0
-    turn_stiffness_nm: float = 6.0
-    turn_damping_nms: float = 0.1
-    max_force_n: float = 60.0
-    max_torque_nm: float = 3.0
-
-    def __post_init__(self) -> None:
-        """Refuse a hand that cannot be simulated."""
-        for field, largest in {
-            "stiffness_n_m": 5000.0,
-            "damping_ns_m": 60.0,
-            "turn_stiffness_nm": 30.0,
-            "turn_damping_nms": 0.5,
-            "max_force_n": 500.0,
-            "max_torque_nm": 50.0,
-        }.items():
-            value = getattr(self, field)
-            if not 0.0 <= value <= largest:
-                raise SettingsError(f"`{field}` should be between 0 and {largest:g}, but is {value}.")
+    stiffness_n_m: Annotated[float, Field(ge=0, le=5000)] = 1200.0
+    damping_ns_m: Annotated[float, Field(ge=0, le=60)] = 20.0
+    turn_stiffness_nm: Annotated[float, Field(ge=0, le=30)] = 6.0
+    turn_damping_nms: Annotated[float, Field(ge=0, le=0.5)] = 0.1
+    max_force_n: Annotated[float, Field(ge=0, le=500)] = 60.0
+    max_torque_nm: Annotated[float, Field(ge=0, le=50)] = 3.0
 
 
 class Hand:
@@ -137,25 +140,6 @@ def _at_most(vector: np.ndarray, largest: float) -> np.ndarray:
     return vector * (largest / size) if size > largest else vector
 
 
-# The bindings of MuJoCo and the element types of dm_control have no static types.
-# pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-
-
-# isort: split
-
-
-FOREARMS = ("nao/RForearm", "nao/LForearm")
-"""Bodies that the hands hold, right first as in `joints.JOINTS`."""
-HELD_AT_M = (0.045, 0.0, 0.0)
-"""Where the hands hold, in the frame of the forearm: just before the wrist."""
-
-SETTLE_S = 0.5
-"""Held still in the first posture before the recording starts [s]."""
-
-FRAME_DT_S = 0.05
-"""Time between the snapshots kept for a film [s]."""
-
-
 @dataclass(frozen=True, eq=False)
 class Lesson:
     """One action, taught.
@@ -189,8 +173,8 @@ class Teacher:
         variation: How the person differs from the key postures.
     """
 
-    def __init__(self, grip: Grip | None = None, variation: Variation | None = None) -> None:
-        self.variation = variation or Variation()
+    def __init__(self, grip: Grip | None = None, variation: GuidanceVariation | None = None) -> None:
+        self.variation = variation or GuidanceVariation()
         self.scene = _scene_with_stand()
         model = self._model = self.scene.model
         self._data, self._wanted = mujoco.MjData(model), mujoco.MjData(model)
@@ -280,7 +264,7 @@ def teach(
     *,
     actions: tuple[str, ...] = tuple(ACTIONS),
     grip: Grip | None = None,
-    variation: Variation | None = None,
+    variation: GuidanceVariation | None = None,
 ) -> list[Lesson]:
     """Teach basic actions to the simulated robot, one lesson each.
 
@@ -314,16 +298,6 @@ def _scene_with_stand() -> Scene:
     weld.objtype = mujoco.mjtObj.mjOBJ_BODY
     weld.data = np.array([0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0])  # anchor, relative place and attitude, torque scale
     return scene
-
-
-SPEED_RANGE_RAD_S = (5.0, 6.0)
-"""Where the largest speed over a tick, over the whole set, should lie: brisk, and within what the motors can do."""
-
-GUARD_TOLERANCE_RAD = 0.12
-"""How far from the guard an action may start and end [rad]; every generated action starts at the mean."""
-
-MIN_DISTANCE_RAD = 20.0
-"""Smallest warping distance between two of the six: twice the distance up to which an action counts as learned."""
 
 
 def shortcomings(lessons: list[Lesson], demos: Demonstrations) -> list[str]:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from creative_nao.demonstrations import ACTIONS, Movement, Variation, keyframes, vary
+from creative_nao.demonstrations import ACTIONS, GuidanceVariation, Movement, keyframes, vary
 from creative_nao.demonstrations.keyframes import DT_S, DURATION_S, GUARD, N_STEPS, both_arms
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.joints import MIRROR_SIGN, limits
@@ -68,6 +68,8 @@ def test_a_segment_is_minimum_jerk():
 def test_an_unknown_action_is_not_found():
     with pytest.raises(NotFoundError, match=r"no basic action `left_jabb` \(did you mean `left_jab`\?\)"):
         keyframes("left_jabb")
+    with pytest.raises(SettingsError, match="`name` should be text, but is 3"):
+        keyframes(3)
 
 
 def test_keys_out_of_order_are_refused():
@@ -76,14 +78,14 @@ def test_keys_out_of_order_are_refused():
 
 
 def test_without_variation_the_hand_follows_the_key_postures():
-    path = vary(keyframes("left_hook"), Variation(0, 0, 0, 0), np.random.default_rng(0))
+    path = vary(keyframes("left_hook"), GuidanceVariation(0, 0, 0, 0), np.random.default_rng(0))
     np.testing.assert_allclose(path.at(TICKS), keyframes("left_hook").at(TICKS), atol=1e-12)
 
 
 def test_a_varied_action_still_ends_in_time_within_the_ranges():
     low, high = limits()
     for seed in range(20):
-        path = vary(keyframes("right_straight"), Variation(0.2, 0.2, 0.05, 0.01), np.random.default_rng(seed))
+        path = vary(keyframes("right_straight"), GuidanceVariation(0.2, 0.2, 0.05, 0.01), np.random.default_rng(seed))
         assert path.movement.times_s[-1] == pytest.approx(DURATION_S)
         fine = path.at(np.linspace(0, DURATION_S, 500))
         assert (fine > low).all()
@@ -92,7 +94,7 @@ def test_a_varied_action_still_ends_in_time_within_the_ranges():
 
 @pytest.mark.parametrize(("part", "band"), [("drift", (0.05, 0.4)), ("tremor", (8.0, 12.0))])
 def test_wander_has_the_size_and_the_frequencies_it_is_given(part, band):
-    path = vary(keyframes("left_jab"), Variation(drift_rad=0.02, tremor_rad=0.004), np.random.default_rng(0))
+    path = vary(keyframes("left_jab"), GuidanceVariation(drift_rad=0.02, tremor_rad=0.004), np.random.default_rng(0))
     times = np.arange(0, 400, 0.01)
     signal = getattr(path, part).at(times)
     assert signal.std() == pytest.approx({"drift": 0.02, "tremor": 0.004}[part], rel=0.05)
@@ -104,7 +106,7 @@ def test_wander_has_the_size_and_the_frequencies_it_is_given(part, band):
 
 def test_the_seed_decides():
     def path(seed):
-        return vary(keyframes("left_jab"), Variation(), np.random.default_rng(seed)).at(TICKS)
+        return vary(keyframes("left_jab"), GuidanceVariation(), np.random.default_rng(seed)).at(TICKS)
 
     np.testing.assert_array_equal(path(1), path(1))
     assert not np.array_equal(path(1), path(2))
@@ -113,4 +115,4 @@ def test_the_seed_decides():
 @pytest.mark.parametrize("field", ["timing", "reach", "drift_rad", "tremor_rad"])
 def test_a_variation_out_of_range_is_refused_by_name(field):
     with pytest.raises(SettingsError, match=f"`{field}` should be at least 0, but is -0.1"):
-        Variation(**{field: -0.1})
+        GuidanceVariation(**{field: -0.1})

@@ -5,13 +5,13 @@ import pytest
 
 from creative_nao.cli.teach import TeachSettings
 from creative_nao.cli.teach import run as teach_command
-from creative_nao.demonstrations import ACTIONS, Demonstrations, Variation, load_demonstrations
+from creative_nao.demonstrations import ACTIONS, Demonstrations, GuidanceVariation, load_demonstrations
 from creative_nao.demonstrations.keyframes import GUARD, both_arms
 from creative_nao.demonstrations.teaching import Grip, Teacher, as_demonstrations, shortcomings, teach
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.joints import ENCODER_STEP_RAD, JOINTS
 
-NONE = Variation(0, 0, 0, 0)
+NONE = GuidanceVariation(0, 0, 0, 0)
 
 
 def rng(seed=0):
@@ -88,7 +88,7 @@ def test_an_unknown_action_cannot_be_taught():
 
 
 def test_a_hand_out_of_range_is_refused_by_name():
-    with pytest.raises(SettingsError, match="`stiffness_n_m` should be between 0 and 5000, but is -1"):
+    with pytest.raises(SettingsError, match="`stiffness_n_m` should be at least 0, but is -1"):
         Grip(stiffness_n_m=-1)
 
 

@@ -1,5 +1,6 @@
 """Properties: what is written comes back, and any bytes at all are read or refused by name, in bounded time."""
 
+import contextlib
 import json
 import string
 
@@ -13,9 +14,20 @@ from test_broken_bytes import refused
 from victims import JSONS, KINDS, TEXTS
 
 from creative_nao.arrays import load_tensors, read_npz, save_tensors
-from creative_nao.errors import CreativeNaoError, FileFormatError, shown
-from creative_nao.fields import Fields
-from creative_nao.schema import is_plain_name
+from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError, shown
+from creative_nao.schema import (
+    Count,
+    JsonObject,
+    Names,
+    PlainName,
+    Text,
+    UnitInterval,
+    Versions,
+    checked,
+    is_plain_name,
+    parse,
+    record,
+)
 from creative_nao.storage import MAX_DEPTH, as_json, as_text
 
 FAST = settings(
@@ -92,19 +104,29 @@ def test_any_bytes_are_json_or_a_named_error(content):
     assert said(lambda: as_json(as_text(content, "f", "text"), "f")).startswith("f: ")
 
 
+@record
+class Inner:
+    """A record within another."""
+
+    n: Count
+
+
+KINDS_OF_FIELDS = {
+    Count: int, UnitInterval: float, bool: bool, Text: str, PlainName: str, Names: tuple, JsonObject: dict,
+    Versions: dict, tuple[float, ...]: tuple, tuple[Inner, ...]: tuple, Inner: Inner,
+}  # fmt: skip
+
+
 @FAST
-@given(value=PLAIN, name=st.text(max_size=5))
-def test_every_getter_gives_its_kind_or_a_named_error(value, name):
-    found = Fields({name: value}, "f")
-    kinds = {
-        "whole": int, "number": float, "truth": bool, "text": str, "names": tuple, "listed": list, "object": Fields,
-        "objects": list,
-    }  # fmt: skip
-    for getter, kind in kinds.items():
+@given(value=PLAIN)
+def test_every_field_gives_its_kind_or_a_named_error(value):
+    for kind, made in KINDS_OF_FIELDS.items():
         taken = []
-        words = said(lambda getter=getter, taken=taken: taken.append(getattr(found, getter)(name)))
-        assert words.startswith("f: ")
-        assert all(type(one) is kind for one in taken)
+        words = said(lambda kind=kind, taken=taken: taken.append(parse(kind, {"a": value}["a"], "f")))
+        assert words.startswith("f")
+        assert all(type(one) is made for one in taken)
+        with contextlib.suppress(SettingsError):
+            assert type(checked(kind, value, "a")) is made
 
 
 @FAST
