@@ -2,10 +2,10 @@
 
     python benchmarks/environments.py [--rounds 7] [--only mental|boxing|modulation]
 
-All in one process, by turns; printed are medians over the rounds. Speeds of one copy are per second of CPU time, since
-wall time depends on what else the machine does. Vector environments use threads: their wall time is compared with that
-of one copy, and how much CPU time they take says what they would gain on a quiet machine. Measured with 30 accepted
-movements beside the six basic actions: the most that an episode of thirty actions can know.
+All in one process, by turns; printed are medians over the rounds. Speeds of one environment are per second of CPU time,
+since wall time depends on what else the machine does. Vector environments use threads: their wall time is compared with
+that of one environment, and how much CPU time they take says what they would gain on a quiet machine. Measured with 30
+accepted movements beside the six basic actions: the most that an episode of thirty actions can know.
 """
 
 import argparse
@@ -29,13 +29,13 @@ def clocks(call) -> tuple[float, float]:
     return time.perf_counter() - wall, time.process_time() - cpu
 
 
-def filled(knowledge) -> None:
+def fill(archive) -> None:
     """Let every robot know 36 movements, none of which is new."""
-    robots = np.arange(len(knowledge.sizes))
+    env_ids = np.arange(len(archive.sizes))
     rng = np.random.default_rng(0)
-    while knowledge.sizes.min() < 6 + N_KNOWN:
-        movement = np.cumsum(rng.normal(0, 0.1, (1, 50, 8)), axis=1).repeat(len(robots), axis=0)
-        knowledge.accept(robots, np.ones(len(robots), bool), movement, knowledge.compare(robots, movement))
+    while archive.sizes.min() < 6 + N_KNOWN:
+        movement = np.cumsum(rng.normal(0, 0.1, (1, 50, 8)), axis=1).repeat(len(env_ids), axis=0)
+        archive.accept(env_ids, np.ones(len(env_ids), bool), movement, archive.compare(env_ids, movement))
 
 
 class Player:
@@ -50,17 +50,17 @@ class Player:
         env.reset(seed=0)
         shape = (400, 2) if n_envs is None else (400, n_envs, 2)
         self._actions = np.random.default_rng(0).uniform(-1, 1, shape).astype(np.float32)
-        self._knowledge = self._inner._episodes.knowledge
-        filled(self._knowledge)
+        self._archive = self._inner._batch.archive
+        fill(self._archive)
 
     def play(self, n_steps: int) -> None:
         for k in range(n_steps):
-            self._knowledge.sizes[:] = 6 + N_KNOWN
+            self._archive.sizes[:] = 6 + N_KNOWN
             self._inner.step(self._actions[k % 400])
 
 
 def compare(single: Player, vector: Player, rounds: int, n_steps: tuple[int, int], what: str) -> float:
-    """Print the speeds of one copy and of many; return actions per CPU second of one copy."""
+    """Print the speeds of one environment and of many; return actions per CPU second of one environment."""
     for player, n in zip((single, vector), n_steps, strict=True):
         player.play(max(1, n // 5))  # compiles, starts threads
     times = {player: [] for player in (single, vector)}
@@ -70,10 +70,10 @@ def compare(single: Player, vector: Player, rounds: int, n_steps: tuple[int, int
     (one_wall, one_cpu), (many_wall, many_cpu) = (np.median(times[player], axis=0) for player in (single, vector))
     ratio = statistics.median(a[0] / b[0] for a, b in zip(times[single], times[vector], strict=True))
     cpu_ratio = statistics.median(a[1] / b[1] for a, b in zip(times[single], times[vector], strict=True))
-    n_threads = vector.env._crew.n_threads
-    print(f"{what}, one copy: {1 / one_cpu:,.0f} {'actions'} per CPU second ({1 / one_wall:,.0f} per wall second)")
+    n_threads = vector.env._batch.threads.n_threads
+    print(f"{what}, one environment: {1 / one_cpu:,.0f} actions per CPU second ({1 / one_wall:,.0f} per wall second)")
     print(
-        f"{what}, {vector.n} copies on {n_threads} threads: {ratio:.2f} times one copy in wall time "
+        f"{what}, {vector.n} sub-environments on {n_threads} threads: {ratio:.2f} times one environment in wall time "
         f"({1 / many_wall:,.0f} per second), {cpu_ratio:.2f} times in CPU time, "
         f"{many_cpu / many_wall:.2f} processors busy: at least {cpu_ratio * n_threads:.2f} if all were free"
     )

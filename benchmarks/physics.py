@@ -1,6 +1,6 @@
 """Why the servos, the step and the solver of the robot are what they are, and how hard it punches.
 
-    python benchmarks/physics.py [servos] [gains] [step] [robots] [boxing] [crowd]
+    python benchmarks/physics.py [servos] [gains] [step] [robots] [boxing] [pool]
 
 Prints the tables of docs/robot.md, one a word; without a word, all of them, in about two minutes of one core.
 
@@ -9,20 +9,21 @@ Prints the tables of docs/robot.md, one a word; without a word, all of them, in 
 - step: the six basic actions with other steps, integrators and solvers, against steps of 0.5 ms.
 - robots: the six basic actions on 40 robots drawn from `VariationRanges`.
 - boxing: hits on the bag, impulse, peak force, fist speed and reach of each basic action.
-- crowd: what a performance costs in the ways in which many can be performed.
+- pool: what a performance costs in the ways in which many can be performed.
 """
 
 import sys
 import time
 from collections.abc import Callable, Iterable
+from contextlib import closing
 
 import mujoco
 import mujoco.rollout
 import numpy as np
 
 from creative_nao import load_demonstrations
-from creative_nao.envs.boxing_envs import VariationRanges
-from creative_nao.envs.physical_map import Crowd
+from creative_nao.envs.executors import PhysicsPool, SharedScene, ThreadPool
+from creative_nao.envs.randomised_robot import VariationRanges
 from creative_nao.joints import JOINTS
 from creative_nao.robot import (
     Performance,
@@ -214,7 +215,7 @@ def boxing() -> None:
     table([*heads, "worst error rad", "at the limit %", "touching itself %", "tilt rad"], rows)
 
 
-def crowd(n: int = 48) -> None:
+def pool(n: int = 48) -> None:
     trajectories = np.repeat(DEMOS.trajectories, n // 6, axis=0)
 
     def one_by_one(performer: Performer) -> None:
@@ -241,9 +242,10 @@ def crowd(n: int = 48) -> None:
         "one call of mujoco.rollout, bare, 1 thread": lambda: one_call(bare, 1),
         "one call of mujoco.rollout, bare, 2 threads": lambda: one_call(bare, 2),
     }
-    with Crowd(1) as alone, Crowd(2) as pair:
-        ways["a performer a thread (chosen), 1 thread"] = lambda: alone.perform(trajectories, DEMOS.dt_s)
-        ways["a performer a thread (chosen), 2 threads"] = lambda: pair.perform(trajectories, DEMOS.dt_s)
+    with closing(ThreadPool(1)) as one, closing(ThreadPool(2)) as two:
+        alone, pair = (PhysicsPool(threads, SharedScene(bare=True)) for threads in (one, two))
+        ways["a performer a thread (chosen), 1 thread"] = lambda: alone.perform(trajectories, [DEMOS.dt_s] * n)
+        ways["a performer a thread (chosen), 2 threads"] = lambda: pair.perform(trajectories, [DEMOS.dt_s] * n)
         costs: dict[str, list[tuple[float, float]]] = {label: [] for label in ways}
         for _ in range(3):  # by turns, since other work on the machine comes and goes
             for label, way in ways.items():
@@ -257,7 +259,7 @@ def crowd(n: int = 48) -> None:
 
 
 def main() -> None:
-    parts = {"servos": servos, "gains": gains, "step": step, "robots": robots, "boxing": boxing, "crowd": crowd}
+    parts = {"servos": servos, "gains": gains, "step": step, "robots": robots, "boxing": boxing, "pool": pool}
     for name in sys.argv[1:] or parts:
         if name not in parts:
             raise SystemExit(f"no table {name!r}; there are {', '.join(parts)}")

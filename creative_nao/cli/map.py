@@ -14,11 +14,11 @@ from typing import Any
 import tyro
 
 from creative_nao.cli.terminal import Display, print_result
-from creative_nao.envs.observation import OUTCOMES as ENV_OUTCOMES
 from creative_nao.envs.physical_map import physical_map
 from creative_nao.errors import SettingsError
 from creative_nao.maps import COLOURINGS, PAPER_RESOLUTION, check_colour, pb_map
 from creative_nao.measures import OUTCOMES, score, table
+from creative_nao.measures.outcome import ALL_OUTCOMES
 from creative_nao.model import load_memory
 
 
@@ -56,7 +56,7 @@ def _lines_of_physical(found: dict[str, Any]) -> list[str]:
     lines.append(f"  appropriate on the robot   {found['physically_appropriate_pct']:6.2f} %")
     share = found["physical_of_mental_pct"]
     lines.append(f"  of the first, the second   {'-' if share is None else f'{share:6.2f} %'}")
-    lines += [f"  {outcome.replace('_', '-'):<26} {found[f'{outcome}_pct']:6.2f} %" for outcome in ENV_OUTCOMES]
+    lines += [f"  {outcome.replace('_', '-'):<26} {found[f'{outcome}_pct']:6.2f} %" for outcome in ALL_OUTCOMES]
     lines.append(f"written: {', '.join(found['out'])}")
     return lines
 

@@ -1,24 +1,21 @@
-"""`CreativeNao/BoxingMental-v0`: the robot acts in its mind only, as in the paper.
+"""The environments of the project, single and vectorised; their docstrings are their pages.
 
-Also here:
-- `CreativeNao/Boxing-v0`: the NAO performs every action on its own feet in the ring.
-- A wrapper that gives `CreativeNao/Boxing-v0` a slightly different robot every episode.
+- `CreativeNao/BoxingMental-v0`: movements are generated and scored, as in the paper.
+- `CreativeNao/Boxing-v0`: the NAO performs every movement on its own feet in the ring.
+- `CreativeNao/BoxingModulation-v0`: the PB may change during a movement.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
-import gymnasium as gym
-import numpy as np
-
-from creative_nao.envs.executors import Body, check_arms
+from creative_nao.envs.episode_batch import EPISODE_ACTIONS
+from creative_nao.envs.executors import PhysicsExecutor
 from creative_nao.envs.memory_set import MemoryLike
-from creative_nao.envs.repertoire_env import EPISODE_ACTIONS, RepertoireEnv
-from creative_nao.errors import SettingsError
+from creative_nao.envs.repertoire_env import RepertoireEnv
+from creative_nao.envs.vector_env import RepertoireVectorEnv
 from creative_nao.measures import Criteria
-from creative_nao.robot import PhysicalLimits, Variation
+from creative_nao.robot import PhysicalLimits
 
 
 class BoxingMentalEnv(RepertoireEnv):
@@ -73,7 +70,7 @@ class BoxingMentalEnv(RepertoireEnv):
 
     ## Starting state
     The repertoire is empty. The task itself has no randomness: one memory and one sequence of PB points, one result.
-    Over a part of the bank of memories, each episode draws its memory; `reset(options={"memory": name})` takes a named
+    Over a split of the bank of memories, each episode draws its memory; `reset(options={"memory": name})` takes a named
     one.
 
     ## Episode end
@@ -92,12 +89,22 @@ class BoxingMentalEnv(RepertoireEnv):
     everything is in that picture [m], float32 (480, 640); `rgb_array_list` a film of all movements since the last call;
     `human` None, it plays the movement in a window.
 
-    `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many copies at once, with the same
-    trajectories as separate copies of the same seeds; it also takes `autoreset_mode` and `n_threads`.
+    `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many sub-environments, with the same
+    trajectories as separate environments of the same seeds; it also takes `autoreset_mode` and `n_threads`.
 
     ## Version history
     * v0: first version.
     """
+
+    def __init__(
+        self,
+        memory: MemoryLike = "half/0",
+        n_actions: int = EPISODE_ACTIONS,
+        render_mode: str | None = None,
+        criteria: Criteria | None = None,
+        overlay: bool = False,
+    ) -> None:
+        super().__init__(memory, n_actions, render_mode, criteria, overlay)
 
 
 class BoxingEnv(RepertoireEnv):
@@ -156,7 +163,7 @@ class BoxingEnv(RepertoireEnv):
     `hit_impulse` [N s], `fist_speed` (largest [m/s]).
 
     ## Starting state
-    The robot stands in the guard, the repertoire is empty. Nothing is random but the draw of a memory from a part of
+    The robot stands in the guard, the repertoire is empty. Nothing is random but the draw of a memory from a split of
     the bank.
 
     ## Episode end
@@ -176,8 +183,8 @@ class BoxingEnv(RepertoireEnv):
     everything is in that picture [m], float32 (480, 640); `rgb_array_list` a film of all movements since the last call;
     `human` None, it plays the movement in a window.
 
-    `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many copies at once, with the same
-    trajectories as separate copies of the same seeds; it also takes `autoreset_mode` and `n_threads`.
+    `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many sub-environments, with the same
+    trajectories as separate environments of the same seeds; it also takes `autoreset_mode` and `n_threads`.
     Their performances run in `n_threads` threads.
 
     ## Version history
@@ -194,17 +201,13 @@ class BoxingEnv(RepertoireEnv):
         limits: PhysicalLimits | None = None,
     ) -> None:
         self.limits = PhysicalLimits() if limits is None else limits
-        super().__init__(memory, n_actions, render_mode, criteria, overlay)
-        check_arms(self.memory.demonstrations.joints)
-
-    def _make_performer(self) -> Body:
-        return Body(self._shared, self.limits)
+        super().__init__(memory, n_actions, render_mode, criteria, overlay, limits=self.limits)
 
     @property
     def performer(self) -> Any:
         """The `robot.Performer` in its ring, built when first needed."""
-        assert isinstance(self._performer, Body)
-        return self._performer.performer
+        assert isinstance(self._batch.executor, PhysicsExecutor)
+        return self._batch.executor.performer
 
     @property
     def model(self) -> Any:
@@ -217,83 +220,150 @@ class BoxingEnv(RepertoireEnv):
         return self.performer.data
 
 
-@dataclasses.dataclass(frozen=True)
-class VariationRanges:
-    """From where to where each figure of the robot is drawn, evenly; the names are those of `robot.Variation`."""
+class BoxingModulationEnv(RepertoireEnv):
+    """Make new boxing movements out of a robot's memory by turning its PB while they unfold.
 
-    mass: tuple[float, float] = (0.97, 1.03)
-    """The complete robot is sold 2.2 % heavier than the sum of its links."""
-    friction: tuple[float, float] = (0.55, 1.33)
-    """Sliding friction 0.5, of one published description, to 1.2, the upper end of another's range."""
-    kp: tuple[float, float] = (0.8, 1.25)
-    """Gains are not published; beyond this the basic actions fail on the body (benchmarks/physics.py)."""
-    kd: tuple[float, float] = (0.8, 1.25)
-    latency_s: tuple[float, float] = (0.0, 0.02)
-    """None to two cycles of the robot's device controller."""
-    encoder_noise_rad: tuple[float, float] = (0.0, 0.0015)
-    """Up to about one count of the 12-bit encoders."""
+    ## Description
+    As in `CreativeNao/BoxingMental-v0` the robot builds a repertoire, but here the agent chooses a new PB vector every
+    5 ticks (0.75 s) of a movement: 10 decisions for the 50 ticks of one. The state of the network goes on through every
+    change, so that actions arise by modulating and combining what was learned. With the PB held constant a movement has
+    the very bits it has in `CreativeNao/BoxingMental-v0`. When the last tick has unfolded the movement is scored, and
+    the next one starts from the guard with the network at rest.
 
-    def __post_init__(self) -> None:
-        """Refuse ranges that are none, or whose ends are no robot."""
-        for field in dataclasses.fields(self):
-            low, high = getattr(self, field.name)
-            if not low <= high:
-                raise SettingsError(f"`{field.name}` should be a range (low, high), but is ({low}, {high})")
-            for end in (low, high):
-                Variation(**{field.name: end})
+    ## Action space
+    `Box(-1, 1, (2,), float32)`
 
-    def draw(self, rng: np.random.Generator) -> Variation:
-        """Draw a robot; every figure takes one number of the generator, also where a range is a point."""
-        names = [field.name for field in dataclasses.fields(self)]
-        return Variation(**{name: float(rng.uniform(*getattr(self, name))) for name in names})
+    | index | meaning | min | max | unit |
+    | --- | --- | --- | --- | --- |
+    | 0 | activation of PB unit 1 | -1 | 1 | 1 |
+    | 1 | activation of PB unit 2 | -1 | 1 | 1 |
 
+    ## Observation space
+    `Box(104,) float32`; at the start of an episode everything but the posture is zero. Indices 0 to 84 are those of
+    `CreativeNao/BoxingMental-v0`; all but `pb` and `step` change only when a movement is scored.
 
-class RandomisedRobot(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], gym.utils.RecordConstructorArgs):
-    """Draws a new robot at every reset: mass, friction, gains, latency and encoder noise.
+    | index | name | meaning | min | max | unit |
+    | --- | --- | --- | --- | --- | --- |
+    | 0-1 | pb | last PB vector | -1 | 1 | 1 |
+    | 2-10 | outcome | last outcome, one-hot in the order of `OUTCOMES` | 0 | 1 | 1 |
+    | 11 | novelty | d / (d + scale), d the last action's distance to the nearest basic action | 0 | 1 | 1 |
+    | 12-17 | nearest | nearest basic action of the last action, one-hot | 0 | 1 | 1 |
+    | 18 | known | d / (d + scale), d its distance to everything known before it | 0 | 1 | 1 |
+    | 19-82 | cells | cells of PB space: 0 untried, -1 in vain, else best reward r there as r / (r + 1) | -1 | 1 | 1 |
+    | 83 | coverage | share of the cells tried | 0 | 1 | 1 |
+    | 84 | step | share of the episode that is over | 0 | 1 | 1 |
+    | 85-92 | posture | joint angles now, -1 and 1 are the ends of the basic actions' range | -1 | 1 | 1 |
+    | 93-102 | slow | activity of the slowest layer P_S | -1 | 1 | 1 |
+    | 103 | phase | share of the movement that has unfolded, 0 before a new one | 0 | 1 | 1 |
 
-    What was drawn is in the `info` of `reset` under `variation`, as a dictionary. The draws depend on the seed of
-    `reset` alone; without a seed they go on from the one before. States of the wrapped environment (`get_state`) do not
-    hold the robot that was drawn.
+    The sizes are those of a memory with six basic actions. `scale` is the mean DTW distance between basic actions.
+    `OUTCOMES` are `learned`, `unlearned`, `fluctuating`, `non_moving`, `joint_limit`, `torque_saturated`,
+    `tracking_error`, `self_collision`, `fell`.
 
-    Args:
-        env: A `CreativeNao/Boxing-v0`, wrapped or not.
-        ranges: From where to where each figure is drawn.
+    The cell of a point is in column floor((pb1 + 1) / 2 * 8) of row floor((pb2 + 1) / 2 * 8), rows one after the other;
+    a cell in which something appropriate was found reads at least 0.1.
+    A movement marks the cells of all its PB vectors. After the last decision of a movement the posture is the one it
+    ended in and P_S is at rest again.
 
-    Raises:
-        SettingsError: If no robot performs in the environment.
+    ## Rewards
+    0 until a movement has unfolded; then as in `CreativeNao/BoxingMental-v0`. With `physics=True` the robot performs
+    the movement when it has unfolded, and the body may refuse it as in `CreativeNao/Boxing-v0`.
 
-    Example:
-        >>> import gymnasium as gym
-        >>> import creative_nao
-        >>> from creative_nao.envs.boxing_envs import RandomisedRobot, VariationRanges
-        >>> env = RandomisedRobot(gym.make("CreativeNao/Boxing-v0"), VariationRanges(mass=(1.1, 1.1)))
-        >>> env.reset(seed=0)[1]["variation"]["mass"]
-        1.1
+    `info` of a step: `pb`, `step` (decisions so far), `tick` (of the movement), `posture` (joint angles now
+    [rad], (8,)). When a movement is scored also what `CreativeNao/BoxingMental-v0` tells (`outcome`, ...,
+    `trajectory`) and `pb_path`, its PB vectors (10, 2); with physics also the terms of `CreativeNao/Boxing-v0`; and at
+    the end of an episode `episode_measures`.
+
+    ## Starting state
+    The repertoire is empty, nothing has unfolded. Nothing is random but the draw of a memory from a split of the bank.
+
+    ## Episode end
+    Truncated after `n_actions` (30) movements, which are 300 steps; never terminated. An episode generates as many
+    movements as in the other environments, so that their figures can be compared.
+
+    ## Arguments
+    | argument | default | meaning |
+    | --- | --- | --- |
+    | memory | `"half/0"` | name, file or memory; `"train"`, `"validation"`, `"test"`: drawn per episode |
+    | n_actions | 30 | actions in an episode |
+    | render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
+    | criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
+    | overlay | False | whether colour frames tell outcome, nearest basic action and reward |
+    | physics | False | whether the robot performs each movement |
+    | limits | None | `robot.PhysicalLimits`, for `physics=True` |
+
+    `render` returns: `rgb_array` the last movement at its widest, uint8 (480, 640, 3); `depth_array` how far away
+    everything is in that picture [m], float32 (480, 640); `rgb_array_list` a film of all movements since the last call;
+    `human` None, it plays the movement in a window.
+
+    `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many sub-environments, with the same
+    trajectories as separate environments of the same seeds; it also takes `autoreset_mode` and `n_threads`.
+
+    ## Version history
+    * v0: first version.
     """
 
-    def __init__(self, env: gym.Env[np.ndarray, np.ndarray], ranges: VariationRanges | None = None) -> None:
-        gym.utils.RecordConstructorArgs.__init__(self, ranges=ranges)
-        gym.Wrapper.__init__(self, env)
-        if not hasattr(env.unwrapped, "performer"):
-            raise SettingsError(
-                f"only an environment in which a robot performs can vary it, CreativeNao/Boxing-v0, but this is {env}"
-            )
-        self.ranges = ranges or VariationRanges()
-        self._rng: np.random.Generator | None = None
+    def __init__(
+        self,
+        memory: MemoryLike = "half/0",
+        n_actions: int = EPISODE_ACTIONS,
+        render_mode: str | None = None,
+        criteria: Criteria | None = None,
+        overlay: bool = False,
+        physics: bool = False,
+        limits: PhysicalLimits | None = None,
+    ) -> None:
+        self.physics = physics
+        self.limits = PhysicalLimits() if limits is None else limits
+        super().__init__(
+            memory, n_actions, render_mode, criteria, overlay, modulated=True, limits=self.limits if physics else None
+        )
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin an episode with a robot drawn anew.
 
-        Args:
-            seed: Seed of the draws of the robot, and of the environment.
-            options: Handed to the environment.
-        """
-        observation, info = self.env.reset(seed=seed, options=options)
-        if seed is not None or self._rng is None:
-            self._rng = np.random.default_rng(seed)
-        variation = self.ranges.draw(self._rng)
-        body: Any = self.env.unwrapped
-        body.performer.vary(variation, self._rng)
-        return observation, {**info, "variation": dataclasses.asdict(variation)}
+class BoxingMentalVectorEnv(RepertoireVectorEnv):
+    """Vector environment of `CreativeNao/BoxingMental-v0`; see `BoxingMentalEnv`.
+
+    Args:
+        num_envs: Number of sub-environments.
+        arguments: Those of `RepertoireVectorEnv`.
+    """
+
+    _single_name = "BoxingMentalEnv"
+
+    def __init__(self, num_envs: int = 1, **arguments: Any) -> None:
+        super().__init__(num_envs, **arguments)
+
+
+class BoxingVectorEnv(RepertoireVectorEnv):
+    """Vector environment of `CreativeNao/Boxing-v0`, performed in threads; see `BoxingEnv`.
+
+    Args:
+        num_envs: Number of sub-environments.
+        limits: From where on a performance counts as failed.
+        arguments: Those of `RepertoireVectorEnv`.
+    """
+
+    _single_name = "BoxingEnv"
+
+    def __init__(self, num_envs: int = 1, *, limits: PhysicalLimits | None = None, **arguments: Any) -> None:
+        super().__init__(num_envs, limits=PhysicalLimits() if limits is None else limits, **arguments)
+
+
+class BoxingModulationVectorEnv(RepertoireVectorEnv):
+    """Vector environment of `CreativeNao/BoxingModulation-v0`; see `BoxingModulationEnv`.
+
+    Args:
+        num_envs: Number of sub-environments.
+        physics: Whether the robot performs each movement.
+        limits: From where on a performance counts as failed.
+        arguments: Those of `RepertoireVectorEnv`.
+    """
+
+    _single_name = "BoxingModulationEnv"
+
+    def __init__(
+        self, num_envs: int = 1, *, physics: bool = False, limits: PhysicalLimits | None = None, **arguments: Any
+    ) -> None:
+        self.physics = physics
+        in_force = (PhysicalLimits() if limits is None else limits) if physics else None
+        super().__init__(num_envs, modulated=True, limits=in_force, **arguments)

@@ -1,253 +1,380 @@
-"""The episodes of one or many robots: what their movements are worth, what they then know and see.
+"""The episodes of one or many environments: generate, execute, score, update repertoire and observation.
 
-Every environment, single or vectorised, is a thin shell around this one place, so that they cannot disagree.
+Every environment, single or vectorised, is a face of this one class, so that they cannot disagree.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from creative_nao.envs.archive import Knowledge, judge_rows
-from creative_nao.envs.executors import Performed
-from creative_nao.envs.memory_set import Bank, Facts, MemoryLike
-from creative_nao.envs.observation import APPROPRIATE, OUTCOMES, Observer, Part, layout, observation_space
+from creative_nao.envs.archive import RepertoireArchive
+from creative_nao.envs.executors import (
+    Execution,
+    Executor,
+    KinematicExecutor,
+    PhysicsExecutor,
+    SharedScene,
+    ThreadPool,
+)
+from creative_nao.envs.memory_set import MemoryLike, MemorySet, RewardSpec
+from creative_nao.envs.observation import ObservationBatch, layout, observation_space
+from creative_nao.envs.rollout import RolloutBatch, check_can_pause
+from creative_nao.envs.viewing import Recorder
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures import Criteria
+from creative_nao.measures._outcome_kernel import measure_rows
+from creative_nao.measures.outcome import ALL_OUTCOMES, APPROPRIATE, NO_FAULT, OUTCOME_CODE, outcome_codes
+from creative_nao.robot import PhysicalLimits
 
-_OUTCOMES = np.array(OUTCOMES, dtype=object)
-_PLACE = {name: place for place, name in enumerate(OUTCOMES)}
-_LEARNED, _UNLEARNED = _PLACE["learned"], _PLACE["unlearned"]
-_FLUCTUATING, _NON_MOVING = _PLACE["fluctuating"], _PLACE["non_moving"]
-
-
-@dataclass(frozen=True, eq=False)
-class Scored:
-    """What m movements were worth; arrays over them.
-
-    Attributes:
-        robots: Whose they are, (m,).
-        trajectories: What was scored [rad], (m, n_steps, n_joints).
-        outcome: Place in `OUTCOMES`, (m,).
-        nearest: Nearest basic action, (m,).
-        distance: DTW distance to it [rad], (m,).
-        known_distance: DTW distance to everything known before [rad], (m,).
-        reward: What each earned, (m,).
-    """
-
-    robots: np.ndarray
-    trajectories: np.ndarray
-    outcome: np.ndarray
-    nearest: np.ndarray
-    distance: np.ndarray
-    known_distance: np.ndarray
-    reward: np.ndarray
-
-    @property
-    def outcome_names(self) -> np.ndarray:
-        """The outcomes by name, (m,) of object."""
-        return _OUTCOMES[self.outcome]
-
-    @property
-    def appropriate(self) -> np.ndarray:
-        """Which movements joined the repertoire, (m,) of bool."""
-        return self.outcome < len(APPROPRIATE)
+EPISODE_ACTIONS = 30
+"""Actions in an episode: the sample size of the paper's measures."""
+_OUTCOME_NAMES = np.array(ALL_OUTCOMES, dtype=object)
 
 
-class Weighed(NamedTuple):
-    """How m movements compare, before any of them is judged; arrays over them.
+class Distances(NamedTuple):
+    """How m movements compare, before any of them is scored; arrays over them.
 
     Attributes:
-        distances: DTW distance to everything the robot knows [rad], (m, lanes), as `Knowledge.compare` tells it.
+        to_known: DTW distance to everything the robot knows [rad], (m, lanes), as `RepertoireArchive.compare` returns.
         too_fast: Whether a joint is commanded faster than allowed, (m,) of bool.
         excursion: How far the most moving joint travels [rad], (m,).
     """
 
-    distances: np.ndarray
+    to_known: np.ndarray
     too_fast: np.ndarray
     excursion: np.ndarray
 
 
-class Episodes:
-    """Side by side, the episodes of `n_robots` robots.
-
-    Args:
-        memory: What they act from, see `Bank`.
-        n_robots: How many.
-        criteria: Where the lines between outcomes are drawn.
-        unfolding: Whether observations tell posture and P_S, for a PB that moves.
+@dataclass(frozen=True, eq=False)
+class StepResult:
+    """What one step of m environments gave.
 
     Attributes:
-        facts: The memory of each robot's episode.
-        n_actions: Actions each has finished in its episode, shape (n_robots,).
+        reward: Of each, (m,).
+        terms: Terms of `info`, arrays over the m environments by name.
+        finished: Places among the m of those that finished a movement, (k,).
+        finished_terms: Terms of `info` that belong to a finished movement, arrays over those k by name.
+    """
+
+    reward: np.ndarray
+    terms: dict[str, np.ndarray]
+    finished: np.ndarray
+    finished_terms: dict[str, np.ndarray]
+
+
+class EpisodeBatch:
+    """The episodes of `n_envs` environments side by side.
+
+    Args:
+        memory: See `MemorySet`.
+        n_envs: How many environments.
+        n_actions: Actions in an episode.
+        criteria: Where the lines between outcomes are drawn; default: the paper's.
+        modulated: Whether the PB may change during a movement; a step is then a decision, else a whole movement.
+        limits: From where on a performance counts as failed; None: movements are not performed in physics.
+        n_threads: Threads; None for one a processor core.
+        render_mode: See `Recorder`.
+        overlay: Whether colour frames carry a caption.
+
+    Attributes:
+        specs: The memory of each environment's episode.
+        n_done: Actions finished in each episode, shape (n_envs,).
+
+    Raises:
+        NotFoundError: If there is no such memory.
+        SettingsError: If `n_actions` is below 1, the render mode is unknown, or the memory does not suit.
     """
 
     def __init__(
-        self, memory: MemoryLike, n_robots: int = 1, criteria: Criteria | None = None, unfolding: bool = False
+        self,
+        memory: MemoryLike,
+        n_envs: int = 1,
+        n_actions: int = EPISODE_ACTIONS,
+        criteria: Criteria | None = None,
+        *,
+        modulated: bool = False,
+        limits: PhysicalLimits | None = None,
+        n_threads: int | None = 1,
+        render_mode: str | None = None,
+        overlay: bool = False,
     ) -> None:
+        if n_actions < 1:
+            raise SettingsError(f"`n_actions` should be at least 1, but is {n_actions}")
+        self.n_actions = n_actions
+        self.shared = SharedScene()
+        self.recorder = Recorder(self.shared, render_mode, overlay, n_envs)
+        self.threads = ThreadPool(n_threads)
         self.criteria = Criteria() if criteria is None else criteria
-        self.bank = Bank(memory, self.criteria)
-        first = self.bank.first
-        n_joints = len(first.demonstrations.joints)
-        n_slow = 0
-        if unfolding:
-            network = getattr(first.memory, "network", None)
-            if network is None:
-                raise SettingsError(
-                    "`memory` should be a `creative_nao.Memory`, whose network can be stopped between ticks, "
-                    f"but is a {type(first.memory).__name__}"
-                )
-            n_slow = network.layer_sizes[-1]
-        self.parts: tuple[Part, ...] = layout(
-            first.demonstrations.n_actions, first.n_pb, n_joints if unfolding else 0, n_slow
+        self.memories = MemorySet(memory, self.criteria)
+        first = self.memories.first
+        n_basic, joints = first.demonstrations.n_actions, first.demonstrations.joints
+        if modulated:
+            check_can_pause(first.memory)
+            self.parts = layout(n_basic, first.n_pb, len(joints), first.memory.network.layer_sizes[-1])
+        else:
+            self.parts = layout(n_basic, first.n_pb)
+        self.executor: Executor = (
+            KinematicExecutor(self.shared, joints)
+            if limits is None
+            else PhysicsExecutor(n_envs, self.threads, self.shared, limits, joints)
         )
         self.observation_space = observation_space(self.parts)
-        self.knowledge = Knowledge(n_robots, first.demonstrations.n_actions, first.n_steps, n_joints)
-        self.observer = Observer(self.parts, n_robots)
-        self.n_actions = np.zeros(n_robots, np.int64)
-        self.facts: list[Facts] = [first] * n_robots
-        self._dt_s = np.zeros(n_robots)
-        self._speed_limit = np.zeros((n_robots, n_joints))
-        self._excursion_limit = np.zeros(n_robots)
-        for robot in range(n_robots):
-            self.use(robot, first)
+        self.observations = ObservationBatch(self.parts, n_envs)
+        self.archive = RepertoireArchive(n_envs, n_basic, first.n_steps, len(joints))
+        self.n_done = np.zeros(n_envs, np.int64)
+        self.specs: list[RewardSpec] = [first] * n_envs
+        self._dt_s = np.zeros(n_envs)
+        self._speed_limit = np.zeros((n_envs, len(joints)))
+        self._excursion_limit = np.zeros(n_envs)
+        for env_id in range(n_envs):
+            self._use(env_id, first)
+        self.rollout = RolloutBatch(self.specs, self.observations) if modulated else None
 
-    def use(self, robot: int, facts: Facts) -> None:
-        """Give a robot this memory and an empty repertoire."""
-        self.facts[robot] = facts
-        self.knowledge.teach(robot, facts.demonstrations, facts.scale)
-        self._dt_s[robot] = facts.demonstrations.dt_s
-        self._speed_limit[robot] = facts.speed_limit
-        self._excursion_limit[robot] = facts.excursion_limit
+    @property
+    def n_decisions(self) -> int:
+        """Steps that one action takes."""
+        return 1 if self.rollout is None else self.rollout.n_decisions
 
-    def begin(self, robot: int, wanted: str | None, rng: Any) -> None:
-        """Begin an episode of one robot.
+    def _use(self, env_id: int, spec: RewardSpec) -> None:
+        """Give an environment this memory and an empty repertoire."""
+        self.specs[env_id] = spec
+        self.archive.set_basic_actions(env_id, spec.demonstrations, spec.scale)
+        self._dt_s[env_id] = spec.demonstrations.dt_s
+        self._speed_limit[env_id] = spec.speed_limit
+        self._excursion_limit[env_id] = spec.excursion_limit
+
+    def reset(self, env_id: int, wanted: str | None, rng: Callable[[], np.random.Generator]) -> None:
+        """Begin an episode of one environment.
 
         Args:
-            robot: Which.
-            wanted: Name of the memory to take, or None to draw one of the bank.
+            env_id: Which.
+            wanted: Name of the memory to take, or None to draw one.
             rng: Called for a generator if one is needed.
 
         Raises:
             NotFoundError: If there is no such memory in this environment.
         """
-        facts = self.bank.draw(rng) if wanted is None else self.bank.named(wanted)
-        if facts is self.facts[robot]:
-            self.knowledge.forget(robot)
+        spec = self.memories.draw(rng) if wanted is None else self.memories.named(wanted)
+        if spec is self.specs[env_id]:
+            self.archive.clear(env_id)
         else:
-            self.use(robot, facts)
-        self.observer.clear(robot)
-        self.n_actions[robot] = 0
+            self._use(env_id, spec)
+        self.observations.clear(env_id)
+        self.n_done[env_id] = 0
+        self.recorder.clear(env_id)
+        self.executor.reset(env_id)
+        if self.rollout is not None:
+            self.rollout.reset(env_id)
 
-    def generate(self, robots: np.ndarray, pb: np.ndarray) -> np.ndarray:
-        """Let each robot's memory act from its PB point, (m, n_pb); robots of one memory together.
+    def step(self, env_ids: np.ndarray, pb: np.ndarray) -> StepResult:
+        """Step environments: one movement each, or one decision where the PB may change during a movement.
+
+        Args:
+            env_ids: Which, shape (m,), rising.
+            pb: PB vectors in [-1, 1], shape (m, n_pb).
+
+        Raises:
+            ShapeError: If a memory does not generate what it should.
+        """
+        if self.rollout is None:
+            reward, finished_terms = self._whole_movements(env_ids, pb)
+            done = self.n_done[env_ids]
+            self.observations.set_part(env_ids, "step", np.minimum(done / self.n_actions, 1.0))
+            return StepResult(reward, {"pb": pb, "step": done}, np.arange(len(env_ids)), finished_terms)
+        rollout, n = self.rollout, self.n_decisions
+        rollout.advance(env_ids, pb)
+        terms = {
+            "pb": pb,
+            "step": self.n_done[env_ids] * n + rollout.n_decided[env_ids],
+            "tick": rollout.tick(env_ids),
+            "posture": rollout.posture(env_ids),
+        }
+        reward, finished_terms = np.zeros(len(env_ids)), {}
+        finished = np.flatnonzero(rollout.finished(env_ids))
+        if len(finished):
+            who = env_ids[finished]
+            paths, generated = rollout.pb_paths(who), rollout.trajectories(who)
+            reward[finished], finished_terms = self._execute_and_score(who, paths, generated)
+            finished_terms["pb_path"] = paths
+            for env_id in who:
+                rollout.next_movement(env_id)
+        progress = (self.n_done[env_ids] + rollout.n_decided[env_ids] / n) / self.n_actions
+        self.observations.set_part(env_ids, "pb", pb)
+        self.observations.set_part(env_ids, "step", np.minimum(progress, 1.0))
+        rollout.observe(env_ids)
+        return StepResult(reward, terms, finished, finished_terms)
+
+    def _whole_movements(self, env_ids: np.ndarray, pb: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        if self.memories.names:  # environments of one memory go to the same thread, where they are generated together
+            order = np.argsort([id(self.specs[env_id]) for env_id in env_ids], kind="stable")
+        else:
+            order = np.arange(len(env_ids))
+        if self.executor.in_physics or self.recorder.active:
+            (generated,) = self.threads.map_rows(lambda rows: (self._generate(env_ids[rows], pb[rows]),), order)
+            return self._execute_and_score(env_ids, pb[:, None], generated)
+
+        def generate_and_compare(rows: np.ndarray) -> tuple[np.ndarray, ...]:
+            generated = self._generate(env_ids[rows], pb[rows])
+            return generated, *self._compare(env_ids[rows], generated, generated)
+
+        generated, *distances = self.threads.map_rows(generate_and_compare, order)
+        return self._score(env_ids, pb[:, None], generated, Distances(*distances))
+
+    def _generate(self, env_ids: np.ndarray, pb: np.ndarray) -> np.ndarray:
+        """Return the movements of PB points (m, n_pb), each by the memory of its environment; (m, n_steps, n_joints).
 
         Raises:
             ShapeError: If a memory does not return the trajectories it should.
         """
-        first = self.facts[robots[0]]
-        if all(self.facts[robot] is first for robot in robots):
+        first = self.specs[env_ids[0]]
+        if all(self.specs[env_id] is first for env_id in env_ids):
             return _generated(first, pb)
-        out = np.empty((len(robots), first.n_steps, len(first.demonstrations.joints)))
+        out = np.empty((len(env_ids), first.n_steps, len(first.demonstrations.joints)))
         groups: dict[int, list[int]] = {}
-        for place, robot in enumerate(robots):
-            groups.setdefault(id(self.facts[robot]), []).append(place)
-        for places in groups.values():
-            out[places] = _generated(self.facts[robots[places[0]]], pb[places])
+        for row, env_id in enumerate(env_ids):
+            groups.setdefault(id(self.specs[env_id]), []).append(row)
+        for rows in groups.values():
+            out[rows] = _generated(self.specs[env_ids[rows[0]]], pb[rows])
         return out
 
-    def room(self, n: int) -> tuple[np.ndarray, Weighed]:
-        """Return arrays, not filled yet, for n movements and what `weigh` says of them."""
-        first = self.bank.first
-        generated = np.empty((n, first.n_steps, len(first.demonstrations.joints)))
-        return generated, Weighed(np.empty((n, self.knowledge.n_lanes)), np.empty(n, bool), np.empty(n))
-
-    def weigh(self, robots: np.ndarray, generated: np.ndarray, trajectories: np.ndarray) -> Weighed:
+    def _compare(self, env_ids: np.ndarray, generated: np.ndarray, trajectories: np.ndarray) -> Distances:
         """Compare a movement of each robot with what it knows. Changes nothing, so that threads may share the work.
 
         Args:
-            robots: Whose movements these are, shape (m,).
+            env_ids: Whose movements these are, shape (m,).
             generated: What was commanded [rad], (m, n_steps, n_joints).
-            trajectories: What came of it [rad], the same shape.
+            trajectories: What was executed [rad], the same shape.
 
         Raises:
             ShapeError: If an angle is not finite.
         """
-        too_fast, excursion = np.zeros(len(robots), bool), np.zeros(len(robots))
-        bad = judge_rows(robots, generated, trajectories, self._dt_s, self._speed_limit, too_fast, excursion)
+        too_fast, excursion = np.zeros(len(env_ids), bool), np.zeros(len(env_ids))
+        bad = measure_rows(env_ids, generated, trajectories, self._dt_s, self._speed_limit, too_fast, excursion)
         if bad >= 0:
             raise ShapeError(
                 f"a memory should generate, and a robot measure, finite angles, but movement {bad} of "
-                f"{len(robots)} holds one that is not"
+                f"{len(env_ids)} holds one that is not"
             )
-        return Weighed(self.knowledge.compare(robots, trajectories), too_fast, excursion)
+        return Distances(self.archive.compare(env_ids, trajectories), too_fast, excursion)
 
-    def score(
+    def _execute_and_score(
+        self, env_ids: np.ndarray, pb: np.ndarray, generated: np.ndarray
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        dt_s = self._dt_s[env_ids].tolist()
+        executions = self.executor.execute(env_ids, generated, dt_s, self.recorder.active)
+        trajectories = generated if executions is None else np.stack([one.trajectory for one in executions])
+        distances = self.threads.map_rows(
+            lambda rows: self._compare(env_ids[rows], generated[rows], trajectories[rows]), np.arange(len(env_ids))
+        )
+        reward, terms = self._score(env_ids, pb, trajectories, Distances(*distances), executions)
+        if executions is not None:
+            terms |= {name: np.array([one.figures[name] for one in executions]) for name in executions[0].figures}
+            captions = zip(terms["outcome"], terms["nearest_name"], reward, strict=True)
+            for env_id, execution, (outcome, nearest, earned) in zip(env_ids, executions, captions, strict=True):
+                self.recorder.record(env_id, execution, f"{outcome}, nearest {nearest}, reward {earned:.2f}")
+        return reward, terms
+
+    def _score(
         self,
-        robots: np.ndarray,
+        env_ids: np.ndarray,
         pb: np.ndarray,
-        generated: np.ndarray,
-        performed: Sequence[Performed] | None = None,
-        weighed: Weighed | None = None,
-    ) -> Scored:
-        """Score a movement of each robot, let appropriate ones join the repertoires and bring observations up to date.
+        trajectories: np.ndarray,
+        distances: Distances,
+        executions: Sequence[Execution] | None = None,
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Score a movement of each environment; appropriate ones join the repertoires, observations are updated.
 
         Args:
-            robots: Whose movements these are, shape (m,).
+            env_ids: Whose movements these are, shape (m,).
             pb: The PB vectors of each, (m, n, n_pb).
-            generated: What was commanded [rad], (m, n_steps, n_joints).
-            performed: What came of it; None if the generated movements themselves are scored.
-            weighed: What `weigh` says of them, if it was asked already.
+            trajectories: What was executed [rad], (m, n_steps, n_joints).
+            distances: Those of `_compare`.
+            executions: What physics said of them; None without it.
+
+        Returns:
+            The rewards, (m,), and the terms of `info`, arrays over the movements by name.
         """
-        trajectories = generated if performed is None else np.stack([one.trajectory for one in performed])
-        distances, too_fast, excursion = self.weigh(robots, generated, trajectories) if weighed is None else weighed
-        to_basic = distances[:, : self.knowledge.n_basic]
-        nearest = to_basic.argmin(axis=1)
-        distance = to_basic.min(axis=1)
-        known_distance = distances.min(axis=1)
-        outcome = np.where(distance <= self.criteria.learned_threshold, _LEARNED, _UNLEARNED)
-        outcome[excursion < self._excursion_limit[robots]] = _NON_MOVING
-        if performed is not None:
-            for place, one in enumerate(performed):
-                if one.fault is not None:
-                    outcome[place] = _PLACE[one.fault]
-        outcome[too_fast] = _FLUCTUATING  # judged on what is commanded, before all that came of it
+        archive, fault = self.archive, None
+        if executions is not None:
+            fault = np.array([NO_FAULT if one.fault is None else OUTCOME_CODE[one.fault] for one in executions])
+        to_known, too_fast, excursion = distances
+        to_basic = to_known[:, : archive.n_basic]
+        nearest, distance, known_distance = to_basic.argmin(axis=1), to_basic.min(axis=1), to_known.min(axis=1)
+        outcome = outcome_codes(
+            distance,
+            too_fast=too_fast,
+            non_moving=excursion < self._excursion_limit[env_ids],
+            fault=fault,
+            learned_threshold=self.criteria.learned_threshold,
+        )
         appropriate = outcome < len(APPROPRIATE)
-        scale = self.knowledge.scale[robots]
+        scale = archive.scale[env_ids]
         known = known_distance / scale
         reward = np.where(appropriate, known, 0.0)
-        self.knowledge.accept(robots, appropriate, trajectories, distances)
-        self.n_actions[robots] += 1
-        self.observer.record(
-            robots, pb=pb, outcome=outcome, nearest=nearest, novelty=distance / scale, known=known, reward=reward
+        archive.accept(env_ids, appropriate, trajectories, to_known)
+        self.n_done[env_ids] += 1
+        self.observations.record_action(
+            env_ids, pb=pb, outcome=outcome, nearest=nearest, novelty=distance / scale, known=known, reward=reward
         )
-        return Scored(robots, trajectories, outcome, nearest, distance, known_distance, reward)
+        names = [self.specs[env_id].demonstrations.names[k] for env_id, k in zip(env_ids, nearest, strict=True)]
+        terms = {
+            "outcome": _OUTCOME_NAMES[outcome],
+            "appropriate": appropriate,
+            "nearest": nearest,
+            "nearest_name": np.array(names, object),
+            "distance": distance,
+            "known_distance": known_distance,
+            "reward_novelty": reward.copy(),
+            "repertoire_size": archive.sizes[env_ids] - archive.n_basic,
+            "trajectory": trajectories,
+        }
+        return reward, terms
 
-    def state(self, robot: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-        """Return one robot's episode as JSON-able values and arrays, for `restore`."""
-        values = {"memory": self.facts[robot].name, "n_actions": int(self.n_actions[robot])}
-        return values, {"observation": self.observer.vector(robot), **self.knowledge.state(robot)}
+    def measures(self, env_id: int) -> dict[str, float | None]:
+        """Return the paper's three measures of an episode so far; see `RepertoireArchive.measures`."""
+        return self.archive.measures(env_id, int(self.n_done[env_id]))
 
-    def restore(self, robot: int, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-        """Take over what `state` told.
+    def get_state(self, env_id: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """Return the state of one episode as JSON-able values and arrays, for `set_state`."""
+        values: dict[str, Any] = {"memory": self.specs[env_id].name, "n_actions": int(self.n_done[env_id])}
+        arrays = {"observation": self.observations.vector(env_id), **self.archive.get_state(env_id)}
+        arrays |= self.executor.get_state(env_id)
+        if self.rollout is not None:
+            more_values, more_arrays = self.rollout.get_state(env_id)
+            values, arrays = values | more_values, arrays | more_arrays
+        return values, arrays
+
+    def set_state(self, env_id: int, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+        """Restore what `get_state` returned.
 
         Raises:
             NotFoundError: If its memory is none of this environment's.
+            SettingsError: If a movement under way does not fit the memory's network.
         """
-        self.use(robot, self.bank.named(values["memory"], "`state`"))
-        self.n_actions[robot] = values["n_actions"]
-        self.observer.restore(robot, arrays["observation"])
-        self.knowledge.restore(robot, arrays)
+        self._use(env_id, self.memories.named(values["memory"], "`state`"))
+        self.n_done[env_id] = values["n_actions"]
+        self.observations.set_vector(env_id, arrays["observation"])
+        self.archive.set_state(env_id, arrays)
+        self.recorder.clear(env_id)
+        self.executor.set_state(env_id, arrays)
+        if self.rollout is not None:
+            self.rollout.set_state(env_id, values, arrays)
+
+    def close(self) -> None:
+        """End the threads and free what drawing took; may be called again."""
+        self.threads.close()
+        self.recorder.close()
 
 
-def _generated(facts: Facts, pb: np.ndarray) -> np.ndarray:
-    trajectories = facts.memory.generate(pb)
-    expected = len(pb), facts.n_steps, len(facts.demonstrations.joints)
+def _generated(spec: RewardSpec, pb: np.ndarray) -> np.ndarray:
+    trajectories = spec.memory.generate(pb)
+    expected = len(pb), spec.n_steps, len(spec.demonstrations.joints)
     if np.shape(trajectories) != expected:
         raise ShapeError(
-            f"memory `{facts.name}` should generate trajectories of shape {expected}, but gave {np.shape(trajectories)}"
+            f"memory `{spec.name}` should generate trajectories of shape {expected}, but gave {np.shape(trajectories)}"
         )
     return np.ascontiguousarray(trajectories, dtype=np.float64)

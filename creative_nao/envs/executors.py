@@ -1,8 +1,4 @@
-"""How a generated movement becomes the one that is scored: imagined as it is, or performed by the robot's body.
-
-Also here:
-- Threads that help a vector environment: compiled code and MuJoCo run side by side, Python does not.
-"""
+"""How a generated movement becomes the one that is scored: taken as it is, or performed by the robot in physics."""
 
 from __future__ import annotations
 
@@ -25,21 +21,18 @@ if TYPE_CHECKING:
     from creative_nao.robot.playback import Performer
     from creative_nao.robot.scene import Scene
 
-
-# MuJoCo tells type checkers nothing about its members.
-# pyright: reportAttributeAccessIssue=false
-
-
 FRAME_DT_S = 0.05
 """Time between two frames of a film [s]."""
+MIN_ROWS = 8
+"""Fewest rows a thread is given: below, handing them over costs more than it saves."""
 
 
 @dataclass(frozen=True)
-class Performed:
-    """One action as it was performed.
+class Execution:
+    """One movement as it was executed.
 
     Attributes:
-        trajectory: What is scored [rad], shape (n_steps, n_joints): generated in the mind or measured on the robot.
+        trajectory: What is scored [rad], shape (n_steps, n_joints): as generated, or as measured on the robot.
         fault: Physical outcome that makes it inappropriate, or None.
         figures: Further numbers for `info`.
         frames: Snapshots of the whole robot for a film, (n_frames, nq), if asked for.
@@ -54,122 +47,28 @@ class Performed:
 
 
 class SharedScene:
-    """Ring, robot and bag, built when first needed; copies and pickles build their own."""
+    """Ring, robot and bag, built when first needed; copies and pickles build their own.
+
+    Args:
+        bare: Leave away all that is only drawn, which makes physics a sixth faster.
+    """
+
+    def __init__(self, bare: bool = False) -> None:
+        self.bare = bare
 
     @functools.cached_property
     def scene(self) -> Scene:
         """The scene."""
-        from creative_nao.robot.scene import Scene
+        from creative_nao.robot import Scene, bare_scene
 
-        return Scene()
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {}
-
-
-class Mind:
-    """Imagines: what is generated is what is scored."""
-
-    def __init__(self, shared: SharedScene) -> None:
-        self._shared = shared
-
-    def perform(self, generated: np.ndarray, dt_s: float, joints: tuple[str, ...], keep_frames: bool) -> Performed:
-        """Take a trajectory (n_steps, n_joints) [rad] as performed.
-
-        Raises:
-            SettingsError: If frames are wanted of joints that the NAO's arms do not have.
-        """
-        if not keep_frames:
-            return Performed(generated)
-        if joints != JOINTS:
-            raise SettingsError(
-                f"only movements of the joints {', '.join(JOINTS)} can be drawn, "
-                f"but this memory has {', '.join(joints)}"
-            )
-        from creative_nao.robot.film import imagined_frames
-
-        frames = imagined_frames(self._shared.scene, generated, dt_s, frame_dt_s=FRAME_DT_S)
-        return Performed(generated, frames=frames)
-
-
-class Body:
-    """Lets the NAO perform what was generated; what its encoders measured is scored.
-
-    Args:
-        shared: Where it stands.
-        limits: From where on a performance counts as failed.
-    """
-
-    def __init__(self, shared: SharedScene, limits: PhysicalLimits) -> None:
-        self._shared, self.limits = shared, limits
-        self._kept: np.ndarray | None = None
-
-    @functools.cached_property
-    def performer(self) -> Performer:
-        """The robot in its ring, built when first needed."""
-        from creative_nao.robot.playback import Performer
-
-        performer = Performer(self._shared.scene)
-        if self._kept is not None:
-            performer.set_state(self._kept)
-        return performer
-
-    def perform(self, generated: np.ndarray, dt_s: float, joints: tuple[str, ...], keep_frames: bool) -> Performed:
-        """Perform a trajectory (n_steps, 8) [rad]."""
-        done = self.performer.perform(generated, dt_s, keep_frames=keep_frames)
-        figures = {"commanded": generated, **body_figures(done)}
-        return Performed(done.measured, first_failure(done, self.limits), figures, done.frames, done.frame_dt_s)
-
-    def reset(self) -> None:
-        """Let the robot stand in the settled guard."""
-        self.performer.reset()
-
-    def get_state(self) -> np.ndarray:
-        """Return MuJoCo's integration state at the end of the last action."""
-        return self.performer.get_state()
-
-    def set_state(self, state: np.ndarray) -> None:
-        """Put the robot into a state of `get_state`."""
-        self._kept = np.array(state)
-        if "performer" in self.__dict__:
-            self.performer.set_state(self._kept)
+        return bare_scene() if self.bare else Scene()
 
     def __getstate__(self) -> dict[str, Any]:
-        kept = self.get_state() if "performer" in self.__dict__ else self._kept
-        return {"_shared": self._shared, "limits": self.limits, "_kept": kept}
+        return {"bare": self.bare}
 
 
-def body_figures(done: Performance) -> dict[str, Any]:
-    """Return what `info` and physical maps tell of a performance, in the units of `BoxingEnv`'s page."""
-    return {
-        "tracking_error": float(done.mean_error_rad.max()),
-        "torque_saturated": float(done.saturated_share.max()),
-        "self_collision": done.self_collision_share,
-        "fell": done.fell,
-        "hits": done.hits.count,
-        "hit_impulse": done.hits.impulse_ns,
-        "fist_speed": float(done.fist_peak_speed_m_s.max()),
-    }
-
-
-def check_arms(joints: tuple[str, ...]) -> None:
-    """Refuse memories of other joints than the NAO's arms.
-
-    Raises:
-        SettingsError: Naming both.
-    """
-    if joints != JOINTS:
-        raise SettingsError(
-            f"the NAO performs memories of the joints {', '.join(JOINTS)}, but this one has {', '.join(joints)}"
-        )
-
-
-LEAST = 8
-"""Fewest movements a thread is given: below, handing them over costs more than it saves."""
-
-
-class Crew:
-    """A few threads, started when first needed; copies and pickles start their own.
+class ThreadPool:
+    """Threads that share the work on a batch; started when first needed, copies and pickles start their own.
 
     Args:
         n_threads: How many; None for one a processor core.
@@ -182,92 +81,254 @@ class Crew:
         if n_threads is not None and n_threads < 1:
             raise SettingsError(f"`n_threads` should be at least 1 or None, but is {n_threads}")
         self.n_threads = n_threads or usable_cores()
-        self._pool: ThreadPoolExecutor | None = None
+        self._executor: ThreadPoolExecutor | None = None
 
-    def map(self, function: Callable[[Any], Any], pieces: Sequence[Any]) -> list[Any]:
-        """Return what `function` makes of each piece, in order; an error of one is raised here."""
-        if self.n_threads == 1 or len(pieces) < 2:
-            return [function(piece) for piece in pieces]
-        return list(self._threads().map(function, pieces))
+    @property
+    def _threads(self) -> ThreadPoolExecutor:
+        if self._executor is None:
+            self._executor = ThreadPoolExecutor(self.n_threads, thread_name_prefix="creative-nao")
+        return self._executor
 
-    def share(self, work: Callable[[np.ndarray], None], places: np.ndarray) -> None:
-        """Cut places into even pieces, one a thread unless they would become too small, and let each be worked on.
+    def map(self, function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+        """Return what `function` makes of each item, in order; an error of one is raised here."""
+        if self.n_threads == 1 or len(items) < 2:
+            return [function(item) for item in items]
+        return list(self._threads.map(function, items))
+
+    def map_rows(
+        self, function: Callable[[np.ndarray], tuple[np.ndarray, ...]], rows: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """Apply a function of arrays to all rows of a batch, an even piece of them a thread.
 
         The calling thread takes the first piece, which saves waking another.
 
         Args:
-            work: Called with some of the places; keeps what it finds where no other piece does.
-            places: Shape (m,).
-        """
-        first, *others = np.array_split(places, max(1, min(self.n_threads, len(places) // LEAST)))
-        started = [self._threads().submit(work, piece) for piece in others]
-        try:
-            work(first)
-        finally:
-            wait(started)  # also after an error: nobody may still write when the caller goes on
-        for one in started:
-            one.result()
+            function: Called with some of the rows; returns arrays over them.
+            rows: Numbers from 0 to m - 1, each once, in the order in which they are dealt out, shape (m,).
 
-    def _threads(self) -> ThreadPoolExecutor:
-        if self._pool is None:
-            self._pool = ThreadPoolExecutor(self.n_threads, thread_name_prefix="creative-nao")
-        return self._pool
+        Returns:
+            The arrays over all rows, (m, ...), row k at place k.
+        """
+        n_pieces = max(1, min(self.n_threads, len(rows) // MIN_ROWS))
+        pieces = np.array_split(rows, n_pieces) if n_pieces > 1 else [rows]
+        started = [self._threads.submit(function, piece) for piece in pieces[1:]]
+        try:
+            results = [function(pieces[0])]
+        finally:
+            wait(started)  # also after an error: no thread may still work when the caller goes on
+        results += [future.result() for future in started]
+        whole = results[0] if n_pieces == 1 else tuple(map(np.concatenate, zip(*results, strict=True)))
+        if (rows[1:] > rows[:-1]).all():
+            return whole
+        back = np.argsort(rows)
+        return tuple(array[back] for array in whole)
 
     def close(self) -> None:
-        """End the threads; a later call of `map` starts new ones."""
-        if self._pool is not None:
-            self._pool.shutdown()
-            self._pool = None
+        """End the threads; a later call starts new ones."""
+        if self._executor is not None:
+            self._executor.shutdown(cancel_futures=True)
+            self._executor = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"n_threads": self.n_threads, "_pool": None}
+        return {"n_threads": self.n_threads, "_executor": None}
 
 
-class Bodies:
-    """A robot a thread, all in one scene; each performs from the settled guard, so it does not matter which one does.
+class PhysicsPool:
+    """A simulated robot a thread, all in one scene.
+
+    MuJoCo steps without holding Python back, so two threads on two free cores perform twice as much. Every performance
+    starts from the settled guard: it has the same bits whichever robot performs it.
 
     Args:
-        crew: The threads.
+        threads: The threads.
         shared: Where the robots stand.
-        limits: From where on a performance counts as failed.
     """
 
-    def __init__(self, crew: Crew, shared: SharedScene, limits: PhysicalLimits) -> None:
-        self._crew, self._shared, self.limits = crew, shared, limits
-        self._idle: queue.SimpleQueue[Body] | None = None
-        self._guard: np.ndarray | None = None
+    def __init__(self, threads: ThreadPool, shared: SharedScene) -> None:
+        self._threads, self._shared = threads, shared
+
+    @functools.cached_property
+    def performers(self) -> list[Performer]:
+        """The robots, built when first needed."""
+        from creative_nao.robot.playback import Performer
+
+        return [Performer(self._shared.scene) for _ in range(self._threads.n_threads)]
+
+    @functools.cached_property
+    def _idle(self) -> queue.SimpleQueue[Performer]:
+        idle: queue.SimpleQueue[Performer] = queue.SimpleQueue()
+        for performer in self.performers:
+            idle.put(performer)
+        return idle
+
+    @property
+    def built(self) -> bool:
+        """Whether the robots are there already."""
+        return "performers" in self.__dict__
 
     def perform(
-        self, generated: np.ndarray, dt_s: Sequence[float], joints: tuple[str, ...], keep_frames: bool
-    ) -> tuple[list[Performed], np.ndarray]:
-        """Perform trajectories (m, n_steps, 8) [rad]; return what came of them and the states they ended in, (m, n)."""
-        idle = self._ready()
+        self, trajectories: np.ndarray, dt_s: Sequence[float], keep_frames: bool = False
+    ) -> list[tuple[Performance, np.ndarray]]:
+        """Perform trajectories.
 
-        def one(place: int) -> tuple[Performed, np.ndarray]:
-            body = idle.get()
+        Args:
+            trajectories: Joint angles [rad], shape (m, n_steps, 8).
+            dt_s: Tick of each [s], m numbers.
+            keep_frames: Keep snapshots of the whole robot for a film.
+
+        Returns:
+            The performance of each, and MuJoCo's integration state at its end, (n,).
+        """
+        idle = self._idle
+
+        def perform_one(k: int) -> tuple[Performance, np.ndarray]:
+            performer = idle.get()
             try:
-                return body.perform(generated[place], dt_s[place], joints, keep_frames), body.get_state()
+                return performer.perform(trajectories[k], dt_s[k], keep_frames=keep_frames), performer.get_state()
             finally:
-                idle.put(body)
+                idle.put(performer)
 
-        found = self._crew.map(one, range(len(generated)))
-        return [performed for performed, _ in found], np.stack([state for _, state in found])
-
-    def guard(self) -> np.ndarray:
-        """Return MuJoCo's state of the settled guard, (n,)."""
-        self._ready()
-        assert self._guard is not None
-        return self._guard
-
-    def _ready(self) -> queue.SimpleQueue[Body]:
-        if self._idle is None:
-            self._idle = queue.SimpleQueue()
-            for _ in range(self._crew.n_threads):
-                body = Body(self._shared, self.limits)
-                body.reset()
-                self._guard = body.get_state()
-                self._idle.put(body)
-        return self._idle
+        return self._threads.map(perform_one, range(len(trajectories)))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_idle": None, "_guard": None}
+        return {"_threads": self._threads, "_shared": self._shared}
+
+
+class KinematicExecutor:
+    """Takes what was generated as executed, as in mental simulation.
+
+    Args:
+        shared: Where the robot is shown if frames are wanted.
+        joints: Joints of the memory.
+    """
+
+    in_physics = False
+
+    def __init__(self, shared: SharedScene, joints: tuple[str, ...]) -> None:
+        self._shared, self._joints = shared, joints
+
+    def execute(
+        self, env_ids: np.ndarray, generated: np.ndarray, dt_s: Sequence[float], keep_frames: bool
+    ) -> list[Execution] | None:
+        """Return None: the generated movements are scored; with `keep_frames` they come with snapshots.
+
+        Raises:
+            SettingsError: If frames are wanted of joints that the NAO's arms do not have.
+        """
+        if not keep_frames:
+            return None
+        if self._joints != JOINTS:
+            raise SettingsError(
+                f"only movements of the joints {', '.join(JOINTS)} can be drawn, "
+                f"but this memory has {', '.join(self._joints)}"
+            )
+        from creative_nao.robot.film import imagined_frames
+
+        frames = (
+            imagined_frames(self._shared.scene, movement, dt, frame_dt_s=FRAME_DT_S)
+            for movement, dt in zip(generated, dt_s, strict=True)
+        )
+        return [Execution(movement, frames=of) for movement, of in zip(generated, frames, strict=True)]
+
+    def reset(self, env_id: int) -> None:
+        """Do nothing."""
+
+    def get_state(self, env_id: int) -> dict[str, np.ndarray]:
+        """Return nothing: there is no physical state."""
+        return {}
+
+    def set_state(self, env_id: int, arrays: dict[str, np.ndarray]) -> None:
+        """Do nothing."""
+
+
+class PhysicsExecutor:
+    """Lets the simulated NAO perform what was generated; what its encoders measured is scored.
+
+    Args:
+        n_envs: Number of environments. With one, the `data` of its robot always is the environment's state.
+        threads: Threads, a robot each.
+        shared: Where the robots stand.
+        limits: From where on a performance counts as failed.
+        joints: Joints of the memory.
+
+    Raises:
+        SettingsError: If these are not the joints of the NAO's arms.
+    """
+
+    in_physics = True
+
+    def __init__(
+        self, n_envs: int, threads: ThreadPool, shared: SharedScene, limits: PhysicalLimits, joints: tuple[str, ...]
+    ) -> None:
+        if joints != JOINTS:
+            raise SettingsError(
+                f"the NAO performs memories of the joints {', '.join(JOINTS)}, but this one has {', '.join(joints)}"
+            )
+        self.limits, self.pool = limits, PhysicsPool(threads, shared)
+        self._ends: list[np.ndarray | None] = [None] * n_envs
+        """State at the end of each environment's last action; None: the settled guard."""
+
+    @property
+    def performer(self) -> Performer:
+        """The robot of the only environment."""
+        if not self.pool.built:
+            self._show(self._ends[0])
+        return self.pool.performers[0]
+
+    def _show(self, state: np.ndarray | None) -> None:
+        performer = self.pool.performers[0]
+        if state is None:
+            performer.reset()
+        else:
+            performer.set_state(state)
+
+    def execute(
+        self, env_ids: np.ndarray, generated: np.ndarray, dt_s: Sequence[float], keep_frames: bool
+    ) -> list[Execution]:
+        """Perform movements (m, n_steps, 8) [rad] at ticks of `dt_s` [s]."""
+        executions = []
+        performed = self.pool.perform(generated, dt_s, keep_frames)
+        for env_id, (performance, end) in zip(env_ids, performed, strict=True):
+            self._ends[env_id] = end
+            figures = {"commanded": performance.commanded, **physics_figures(performance)}
+            fault = first_failure(performance, self.limits)
+            executions.append(
+                Execution(performance.measured, fault, figures, performance.frames, performance.frame_dt_s)
+            )
+        return executions
+
+    def reset(self, env_id: int) -> None:
+        """Let the robot stand in the settled guard."""
+        self._ends[env_id] = None
+        if len(self._ends) == 1 and self.pool.built:
+            self._show(None)
+
+    def get_state(self, env_id: int) -> dict[str, np.ndarray]:
+        """Return MuJoCo's integration state at the end of the last action."""
+        end = self._ends[env_id]
+        if end is None:
+            self._show(None)
+            end = self.pool.performers[0].get_state()
+        return {"physics": end.copy()}
+
+    def set_state(self, env_id: int, arrays: dict[str, np.ndarray]) -> None:
+        """Put the robot of an environment into a state of `get_state`."""
+        self._ends[env_id] = np.array(arrays["physics"])
+        if len(self._ends) == 1 and self.pool.built:
+            self._show(self._ends[env_id])
+
+
+Executor = KinematicExecutor | PhysicsExecutor
+
+
+def physics_figures(performance: Performance) -> dict[str, Any]:
+    """Return what `info` and physical maps tell of a performance, in the units of the page of `BoxingEnv`."""
+    return {
+        "tracking_error": float(performance.mean_error_rad.max()),
+        "torque_saturated": float(performance.saturated_share.max()),
+        "self_collision": performance.self_collision_share,
+        "fell": performance.fell,
+        "hits": performance.hits.count,
+        "hit_impulse": performance.hits.impulse_ns,
+        "fist_speed": float(performance.fist_peak_speed_m_s.max()),
+    }

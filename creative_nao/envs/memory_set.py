@@ -1,8 +1,9 @@
-"""The memories of an environment, one or a part of the bank, each with what scoring needs of it worked out once."""
+"""The memories of an environment, one or a split of the bank, each with the figures that its reward needs."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -11,6 +12,7 @@ import numpy as np
 from creative_nao.demonstrations import Demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.measures import Criteria, excursion_limit, reward_scale, speed_limits
+from creative_nao.measures.outcome import SPEED_TOLERANCE
 from creative_nao.model import SPLITS, load_memory, split_memories
 
 
@@ -36,12 +38,12 @@ class GeneratingMemory(Protocol):
 
 
 MemoryLike = str | os.PathLike[str] | GeneratingMemory
-"""A shipped name, a file, a part of the bank, or a memory itself."""
+"""A shipped name, a file, a split of the bank, or a memory itself."""
 
 
 @dataclass(frozen=True, eq=False)
-class Facts:
-    """A memory and the figures that scoring needs of it.
+class RewardSpec:
+    """A memory and the figures that the reward of its movements needs, computed once.
 
     Attributes:
         memory: The memory.
@@ -62,18 +64,17 @@ class Facts:
     excursion_limit: float
 
     @classmethod
-    def of(cls, memory: GeneratingMemory, criteria: Criteria) -> Facts:
-        """Work the figures out."""
-        taught = memory.demonstrations
+    def of(cls, memory: GeneratingMemory, criteria: Criteria) -> RewardSpec:
+        """Compute the figures of a memory."""
+        basic = memory.demonstrations
         return cls(
             memory=memory,
             name=str(getattr(memory, "name", "")),
             n_pb=memory.pb.shape[1],
-            n_steps=max(len(trajectory) for trajectory in taught.trajectories),
-            scale=reward_scale(taught),
-            # The fastest basic action itself must pass, whatever the last bit of a division says (see measures).
-            speed_limit=speed_limits(taught, criteria) * (1.0 + 1e-12),
-            excursion_limit=excursion_limit(taught, criteria),
+            n_steps=max(len(trajectory) for trajectory in basic.trajectories),
+            scale=reward_scale(basic),
+            speed_limit=speed_limits(basic, criteria) * SPEED_TOLERANCE,
+            excursion_limit=excursion_limit(basic, criteria),
         )
 
     @property
@@ -87,11 +88,11 @@ class Facts:
         return self.n_pb, self.n_steps, self.demonstrations.n_actions, self.demonstrations.joints
 
 
-class Bank:
-    """The memories an environment may use.
+class MemorySet:
+    """The memories that an environment may use.
 
     Args:
-        memory: A memory, its name or file, or a part of the bank: `train`, `validation`, `test`.
+        memory: A memory, its name or file, or a split of the bank: `train`, `validation`, `test`.
         criteria: Where the lines between outcomes are drawn.
 
     Raises:
@@ -101,26 +102,26 @@ class Bank:
     def __init__(self, memory: MemoryLike, criteria: Criteria) -> None:
         self._criteria = criteria
         self.names = split_memories(memory) if isinstance(memory, str) and memory in SPLITS else ()
-        self._facts: dict[str, Facts] = {}
+        self._specs: dict[str, RewardSpec] = {}
         if self.names:
             self.first = self._load(self.names[0])
         else:
-            whole = load_memory(memory) if isinstance(memory, str | os.PathLike) else memory
-            self.first = Facts.of(whole, criteria)
-            self._facts[self.first.name] = self.first
+            loaded = load_memory(memory) if isinstance(memory, str | os.PathLike) else memory
+            self.first = RewardSpec.of(loaded, criteria)
+            self._specs[self.first.name] = self.first
 
-    def _load(self, name: str) -> Facts:
-        if name not in self._facts:
-            found = Facts.of(load_memory(name), self._criteria)
-            if self._facts and found.form != self.first.form:
+    def _load(self, name: str) -> RewardSpec:
+        if name not in self._specs:
+            spec = RewardSpec.of(load_memory(name), self._criteria)
+            if self._specs and spec.form != self.first.form:
                 raise SettingsError(
                     f"memory `{name}` should have the PB units, ticks, actions and joints of `{self.first.name}`, "
-                    f"{self.first.form}, to serve in one environment, but has {found.form}"
+                    f"{self.first.form}, to serve in one environment, but has {spec.form}"
                 )
-            self._facts[name] = found
-        return self._facts[name]
+            self._specs[name] = spec
+        return self._specs[name]
 
-    def named(self, wanted: str, where: str = 'options["memory"]') -> Facts:
+    def named(self, wanted: str, where: str = 'options["memory"]') -> RewardSpec:
         """Return the memory of this name.
 
         Raises:
@@ -134,8 +135,8 @@ class Bank:
             )
         return self._load(wanted) if self.names else self.first
 
-    def draw(self, rng: Any) -> Facts:
-        """Return the memory, or one drawn from the part with `rng()`, a generator made only if it is needed."""
+    def draw(self, rng: Callable[[], np.random.Generator]) -> RewardSpec:
+        """Return the memory, or one drawn from the split with `rng()`, a generator made only if it is needed."""
         if not self.names:
             return self.first
         return self._load(self.names[int(rng().integers(len(self.names)))])

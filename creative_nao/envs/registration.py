@@ -1,19 +1,21 @@
-"""Make the environments known to Gymnasium, by strings, so that nothing heavy is loaded."""
+"""Registration of the environments with Gymnasium, by strings, so that nothing heavy is loaded."""
 
 from __future__ import annotations
 
+_MODULE = "creative_nao.envs.boxing_envs"
+
 ENVIRONMENTS = {
-    "CreativeNao/Boxing-v0": "creative_nao.envs.boxing_envs:BoxingEnv",
-    "CreativeNao/BoxingMental-v0": "creative_nao.envs.boxing_envs:BoxingMentalEnv",
-    "CreativeNao/BoxingModulation-v0": "creative_nao.envs.modulation:BoxingModulationEnv",
+    "CreativeNao/Boxing-v0": f"{_MODULE}:BoxingEnv",
+    "CreativeNao/BoxingMental-v0": f"{_MODULE}:BoxingMentalEnv",
+    "CreativeNao/BoxingModulation-v0": f"{_MODULE}:BoxingModulationEnv",
 }
 """Every environment of the project and the class behind it."""
 VECTOR_ENVIRONMENTS = {
-    "CreativeNao/Boxing-v0": "creative_nao.envs.vector_env:BoxingVectorEnv",
-    "CreativeNao/BoxingMental-v0": "creative_nao.envs.vector_env:BoxingMentalVectorEnv",
-    "CreativeNao/BoxingModulation-v0": "creative_nao.envs.modulation:BoxingModulationVectorEnv",
+    "CreativeNao/Boxing-v0": f"{_MODULE}:BoxingVectorEnv",
+    "CreativeNao/BoxingMental-v0": f"{_MODULE}:BoxingMentalVectorEnv",
+    "CreativeNao/BoxingModulation-v0": f"{_MODULE}:BoxingModulationVectorEnv",
 }
-"""The class that makes many copies of each at once."""
+"""The vector environment of each."""
 
 
 def register_environments() -> None:

@@ -1,4 +1,4 @@
-"""What all environments share: an episode in which the robot builds a repertoire of new actions."""
+"""Base of the single environments: an episode in which the robot builds a repertoire of new actions."""
 
 from __future__ import annotations
 
@@ -9,42 +9,41 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from creative_nao.envs.archive import Repertoire
-from creative_nao.envs.episode_batch import Episodes, Scored
-from creative_nao.envs.executors import FRAME_DT_S, Body, Mind, Performed, SharedScene
+from creative_nao.envs.episode_batch import EPISODE_ACTIONS, EpisodeBatch
+from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
 from creative_nao.envs.state import EnvState, generator_from, generator_state
-from creative_nao.envs.viewing import RENDER_MODES, Screen
-from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.envs.viewing import RENDER_MODES
+from creative_nao.errors import ShapeError
 from creative_nao.measures import Criteria
+from creative_nao.robot import PhysicalLimits
 
-EPISODE_ACTIONS = 30
-"""Actions in an episode: the sample size of the paper's measures."""
-
-ONLY_ROBOT = np.zeros(1, np.int64)
-"""Whose movement it is, as `Episodes` asks: here always the first of one robot's."""
+_ENV_IDS = np.zeros(1, np.int64)
+"""A single environment is number 0 of an `EpisodeBatch` of one."""
 
 
 class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
-    """Base of the boxing environments: generates, has the action performed, scores it and keeps the repertoire.
+    """Base of the boxing environments: generates, has the action executed, scores it and keeps the repertoire.
 
     Args:
-        memory: Shipped name such as ``half/0``, path of a memory file, or a memory; or a part of the bank, ``train``,
+        memory: Shipped name such as ``half/0``, path of a memory file, or a memory; or a split of the bank, ``train``,
             ``validation`` or ``test``, from which every episode draws one.
         n_actions: Actions in an episode.
         render_mode: One of ``metadata["render_modes"]`` or None.
         criteria: Where the lines between outcomes are drawn; default: the paper's.
         overlay: Whether colour frames tell outcome, nearest basic action and reward.
+        modulated: Whether the PB may change during a movement.
+        limits: From where on a performance counts as failed; None: movements are not performed in physics.
 
     Raises:
         NotFoundError: If there is no such memory.
-        SettingsError: If `n_actions` is below 1 or the render mode is unknown.
+        SettingsError: If `n_actions` is below 1, the render mode is unknown or the memory does not suit.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as in gym.Env
         "render_modes": list(RENDER_MODES),
         "render_fps": round(1 / FRAME_DT_S),
     }
-    _unfolding = False
 
     def __init__(
         self,
@@ -53,40 +52,39 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         render_mode: str | None = None,
         criteria: Criteria | None = None,
         overlay: bool = False,
+        *,
+        modulated: bool = False,
+        limits: PhysicalLimits | None = None,
     ) -> None:
-        check_n_actions(n_actions)
+        self._batch = EpisodeBatch(
+            memory, 1, n_actions, criteria,
+            modulated=modulated, limits=limits, render_mode=render_mode, overlay=overlay,
+        )  # fmt: skip
         self.render_mode = render_mode
         self.n_actions = n_actions
-        self._shared = SharedScene()
-        self._screen = Screen(self._shared, render_mode, overlay)
-        self._episodes = Episodes(memory, 1, criteria, self._unfolding)
-        self.criteria = self._episodes.criteria
-        self.observation_space = self._episodes.observation_space
-        self.action_space = Box(-1.0, 1.0, (self._episodes.bank.first.n_pb,), np.float32)
-        self._performer: Mind | Body = self._make_performer()
-
-    def _make_performer(self) -> Mind | Body:
-        return Mind(self._shared)
+        self.criteria = self._batch.criteria
+        self.observation_space = self._batch.observation_space
+        self.action_space = Box(-1.0, 1.0, (self._batch.memories.first.n_pb,), np.float32)
 
     @property
     def n_decisions(self) -> int:
         """Steps that one action takes."""
-        return 1
+        return self._batch.n_decisions
 
     @property
     def memory(self) -> Any:
         """The memory of this episode."""
-        return self._episodes.facts[0].memory
+        return self._batch.specs[0].memory
 
     @property
     def repertoire(self) -> Repertoire:
         """What the robot knows, the basic actions and those accepted in this episode."""
-        return Repertoire(self._episodes.facts[0].demonstrations, self._episodes.knowledge)
+        return Repertoire(self._batch.specs[0].demonstrations, self._batch.archive)
 
     @property
     def scene(self) -> Any:
         """Ring, robot and bag; built when first needed."""
-        return self._shared.scene
+        return self._batch.shared.scene
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -94,77 +92,43 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         """Begin an episode with an empty repertoire.
 
         Args:
-            seed: Seed of the draw of memories; only environments over a part of the bank draw anything.
-            options: ``{"memory": name}`` takes this memory of the part instead of drawing one.
+            seed: Seed of the draw of memories; only environments over a split of the bank draw anything.
+            options: ``{"memory": name}`` takes this memory of the split instead of drawing one.
 
         Returns:
-            The observation, all zero, and an `info` with the name of the memory.
+            The observation and an `info` with the name of the memory.
 
         Raises:
-            NotFoundError: If the memory in `options` is not of the part that the environment was made with.
+            NotFoundError: If the memory in `options` is not of the split that the environment was made with.
         """
         super().reset(seed=seed, options=options)
-        self._episodes.begin(0, (options or {}).get("memory"), lambda: self.np_random)
-        self._screen.clear()
-        if isinstance(self._performer, Body):
-            self._performer.reset()
-        return self._episodes.observer.vector(), {"memory": self._episodes.facts[0].name}
+        self._batch.reset(0, (options or {}).get("memory"), lambda: self.np_random)
+        return self._batch.observations.vector(), {"memory": self._batch.specs[0].name}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Generate the movement of a PB point, perform and score it.
+        """Generate, execute and score the movement of a PB point; where the PB may change, its next five ticks.
 
         Args:
             action: PB vector, shape (n_pb,); values beyond [-1, 1] are clipped.
 
         Returns:
-            Observation, reward, terminated (always False), truncated (after `n_actions` steps) and `info`.
+            Observation, reward, terminated (always False), truncated (after `n_actions` movements) and `info`.
 
         Raises:
             ShapeError: If the action does not have shape (n_pb,) or is not finite.
         """
-        pb = checked_pb(action, self.action_space.shape)
-        generated = self._episodes.generate(ONLY_ROBOT, pb[None])
-        reward, info = self._finish(pb[None, None], generated)
-        done = int(self._episodes.n_actions[0])
-        self._episodes.observer.put(ONLY_ROBOT, "step", np.array([min(done / self.n_actions, 1.0)]))
-        truncated = done >= self.n_actions
+        batch = self._batch
+        result = batch.step(_ENV_IDS, checked_pb(action, self.action_space.shape)[None])
+        truncated = int(batch.n_done[0]) >= self.n_actions
+        info = {name: _plain(values[0]) for name, values in (result.terms | result.finished_terms).items()}
+        if truncated and len(result.finished):
+            info["episode_measures"] = batch.measures(0)
         if self.render_mode == "human":
             self.render()
-        return self._episodes.observer.vector(), reward, False, truncated, {"pb": pb, **info, "step": done}
-
-    def _finish(self, pb: np.ndarray, generated: np.ndarray) -> tuple[float, dict[str, Any]]:
-        """Have one movement, (1, n_steps, n_joints), performed and scored; return its reward and terms."""
-        facts = self._episodes.facts[0]
-        taught = facts.demonstrations
-        performed: list[Performed] | None = None
-        if isinstance(self._performer, Body) or self._screen.wanted:
-            performed = [self._performer.perform(generated[0], taught.dt_s, taught.joints, self._screen.wanted)]
-        scored = self._episodes.score(ONLY_ROBOT, pb, generated, performed)
-        info = self._terms(scored)
-        if performed is not None:
-            info.update(performed[0].figures)
-            self._screen.remember(0, performed[0], caption_of(info))
-        n_tried = int(self._episodes.n_actions[0])
-        if n_tried >= self.n_actions:
-            info["episode_measures"] = self._episodes.knowledge.measures(0, n_tried)
-        return float(scored.reward[0]), info
-
-    def _terms(self, scored: Scored) -> dict[str, Any]:
-        nearest = int(scored.nearest[0])
-        return {
-            "outcome": scored.outcome_names[0],
-            "appropriate": bool(scored.appropriate[0]),
-            "nearest": nearest,
-            "nearest_name": self._episodes.facts[0].demonstrations.names[nearest],
-            "distance": float(scored.distance[0]),
-            "known_distance": float(scored.known_distance[0]),
-            "reward_novelty": float(scored.reward[0]),
-            "repertoire_size": int(self._episodes.knowledge.sizes[0]) - self._episodes.knowledge.n_basic,
-            "trajectory": scored.trajectories[0],
-        }
+        return batch.observations.vector(), float(result.reward[0]), False, truncated, info
 
     def render(self) -> Any:
-        """Show what was performed since the last call.
+        """Show what was executed since the last call.
 
         Returns:
             `rgb_array`: the last movement at its widest (before the first action, the guard), uint8 (480, 640, 3).
@@ -175,43 +139,31 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         Raises:
             MissingDependencyError: If this machine cannot draw or has no display; the message says what helps.
         """
-        return self._screen.show()
+        return self._batch.recorder.render()
 
     def close(self) -> None:
         """Close the window and free what drawing took; may be called again."""
-        self._screen.close()
+        self._batch.close()
 
     def get_state(self) -> EnvState:
         """Return the exact state: an environment put into it goes on with the same bits."""
-        values, arrays = self._episodes.state(0)
-        values["random"] = generator_state(self._np_random)
-        if isinstance(self._performer, Body):
-            arrays["physics"] = self._performer.get_state()
-        return EnvState(type(self).__name__, values, arrays)
+        values, arrays = self._batch.get_state(0)
+        return EnvState(type(self).__name__, {**values, "random": generator_state(self._np_random)}, arrays)
 
     def set_state(self, state: EnvState) -> None:
-        """Go back to a state of this environment or of one made alike.
+        """Restore a state of this environment or of one made alike.
 
         Raises:
             SettingsError: If it is one of another environment, or a part of it does not fit.
             NotFoundError: If its memory is none of this environment's.
         """
         state.check(self.get_state())
-        self._episodes.restore(0, state.values, state.arrays)
+        self._batch.set_state(0, state.values, state.arrays)
         self._np_random = generator_from(state.values["random"])
-        self._screen.clear()
-        if isinstance(self._performer, Body):
-            self._performer.set_state(state.arrays["physics"])
 
 
-def check_n_actions(n_actions: int) -> None:
-    """Refuse an episode without an action.
-
-    Raises:
-        SettingsError: Naming it.
-    """
-    if n_actions < 1:
-        raise SettingsError(f"`n_actions` should be at least 1, but is {n_actions}")
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def checked_pb(action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
@@ -220,13 +172,11 @@ def checked_pb(action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
     Raises:
         ShapeError: If they do not have this shape or are not finite.
     """
-    pb = np.asarray(action, dtype=np.float64)
+    try:
+        pb = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError):
+        pb = np.empty(0)
     if pb.shape != shape or not np.isfinite(pb).all():
         what = "a finite PB vector" if len(shape or ()) == 1 else "finite PB vectors"
-        raise ShapeError(f"`action` should be {what} of shape {shape}, but is {action!r}")
+        raise ShapeError(f"`action` should be {what} of shape {shape}, but is {action!r:.200}")
     return np.clip(pb, -1.0, 1.0)
-
-
-def caption_of(info: dict[str, Any]) -> str:
-    """Return a caption: outcome, nearest basic action, reward."""
-    return f"{info['outcome']}, nearest {info['nearest_name']}, reward {info['reward_novelty']:.2f}"

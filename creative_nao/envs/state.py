@@ -1,4 +1,4 @@
-"""The exact state of an environment as plain values and arrays: to go back to, to copy, to keep in a file."""
+"""The exact state of an environment as plain values and arrays: to restore, to copy, to keep in a file."""
 
 from __future__ import annotations
 
@@ -10,16 +10,24 @@ from typing import Any
 import numpy as np
 
 from creative_nao.arrays import load_tensors, save_tensors
-from creative_nao.errors import FileFormatError, SettingsError
-from creative_nao.fields import Fields, shown
+from creative_nao.errors import FileFormatError, SettingsError, shown
+from creative_nao.schema import JsonObject, Text, dump, parse, record
 
 KIND = "environment-state"
 MAX_COUNT = 10**9
 MAX_NUMBER = 1e9
 """Largest number of a state; MuJoCo calls 1e10 unstable."""
-OF_THE_NETWORK = ("network_code", "network_state", "network_activity")
+NETWORK_ARRAYS = ("network_code", "network_state", "network_activity")
 """Arrays whose size depends on the memory that a state names."""
 _GROWING = ("accepted", "novelty")
+
+
+@record
+class StateHeader:
+    """What the file of a state says beside its arrays; the fields are those of `EnvState`."""
+
+    of: Text
+    values: JsonObject
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +65,12 @@ class EnvState:
             raise SettingsError(f"`state`: {n_accepted} accepted actions of {self.values['n_actions']} cannot be")
         for name, example in like.arrays.items():
             shape = (n_accepted, *example.shape[1:]) if name in _GROWING else example.shape
-            _check_array(name, self.arrays[name], shape, example.dtype, sized=name not in OF_THE_NETWORK)
+            _check_array(name, self.arrays[name], shape, example.dtype, sized=name not in NETWORK_ARRAYS)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the state to one safetensors file and return its path."""
-        return save_tensors(path, kind=KIND, header={"of": self.kind, "values": self.values}, tensors=self.arrays)
+        header = dump(StateHeader(self.kind, self.values))
+        return save_tensors(path, kind=KIND, header=header, tensors=self.arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> EnvState:
@@ -72,16 +81,16 @@ class EnvState:
             FileFormatError: If it is torn or foreign.
         """
         values, arrays = load_tensors(path, kind=KIND)
-        header = Fields(values, f"{path}: header")
+        header = parse(StateHeader, values, f"{path}: header")
         for name, array in arrays.items():
             if array.dtype.kind == "f" and not np.isfinite(array).all():
                 raise FileFormatError(f"{path}: the array `{name[:60]}` should hold finite numbers, but does not")
-        return cls(header.text("of"), header.object("values").values, arrays)
+        return cls(header.of, header.values, arrays)
 
 
 def _check_value(name: str, found: Any, example: Any) -> None:
     if name == "random":
-        fits = found is None or isinstance(found, dict)
+        fits = found is None or isinstance(found, dict)  # `generator_from` looks into it
     elif isinstance(example, int):
         fits = type(found) is int and 0 <= found <= MAX_COUNT
     else:

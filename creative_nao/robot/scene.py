@@ -205,7 +205,7 @@ def bare_scene(*, with_bag: bool = True, servos: ServoSettings | None = None) ->
     """Return a scene for computing only: nothing that is drawn, no sensor that no performance reads.
 
     The states are bit for bit those of the full scene, since what is left away has no mass and touches nothing; a
-    performance takes about a sixth less time (`benchmarks/physics.py crowd`).
+    performance takes about a sixth less time (`benchmarks/physics.py pool`).
 
     Args:
         with_bag: Whether the bag hangs there.

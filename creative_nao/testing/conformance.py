@@ -17,8 +17,8 @@ import gymnasium as gym
 import numpy as np
 
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
-from creative_nao.envs.observation import OUTCOMES
 from creative_nao.errors import CreativeNaoError
+from creative_nao.measures.outcome import ALL_OUTCOMES
 from creative_nao.robot import PhysicalLimits, failures
 
 
@@ -330,7 +330,7 @@ def _check_score(scored: tuple[float, dict[str, Any]], size: int) -> int:
     reward, info = scored
     missing = [term for term in TERMS if term not in info]
     demand(not missing, f"`info` should tell {', '.join(TERMS)}", f"no {', '.join(missing)}")
-    demand(info["outcome"] in OUTCOMES, f"the outcome should be one of {', '.join(OUTCOMES)}", info["outcome"])
+    demand(info["outcome"] in ALL_OUTCOMES, f"the outcome should be one of {', '.join(ALL_OUTCOMES)}", info["outcome"])
     usable = info["outcome"] in ("learned", "unlearned")
     demand(
         bool(info["appropriate"]) == usable, "learned and unlearned movements alone are appropriate", info["outcome"]

@@ -10,9 +10,8 @@ from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 
 import creative_nao
 from creative_nao.envs import ENVIRONMENTS
-from creative_nao.envs.observation import OUTCOMES
-from creative_nao.envs.pages import class_of
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError
+from creative_nao.measures.outcome import ALL_OUTCOMES
 from creative_nao.model import shipped_memories, split_memories
 
 NAMES = tuple(ENVIRONMENTS)
@@ -92,7 +91,7 @@ def test_every_reward_term_is_in_info(env):
     for observation, reward, _, _, info in finished:
         scale = env.unwrapped.repertoire.scale
         assert env.observation_space.contains(observation)
-        assert info["outcome"] in OUTCOMES
+        assert info["outcome"] in ALL_OUTCOMES
         assert info["appropriate"] == (info["outcome"] in ("learned", "unlearned"))
         assert reward == info["reward_novelty"]
         assert reward == (info["known_distance"] / scale if info["appropriate"] else 0.0)
@@ -206,7 +205,7 @@ def test_bad_arguments_are_named(name, arguments, error, message):
 
 def test_an_unknown_render_mode_is_named(name):
     with pytest.raises(SettingsError, match=r"`render_mode` should be one of human, rgb_array, .* but is 'ansi'"):
-        class_of(ENVIRONMENTS[name])(render_mode="ansi")
+        gym.envs.registration.load_env_creator(ENVIRONMENTS[name])(render_mode="ansi")
 
 
 def test_importing_the_package_loads_neither_torch_nor_mujoco():

@@ -1,30 +1,31 @@
 import numpy as np
 import pytest
 
-from creative_nao.envs.observation import N_CELLS, OUTCOMES, Observer, layout
+from creative_nao.envs.observation import N_CELLS, ObservationBatch, layout
+from creative_nao.measures.outcome import ALL_OUTCOMES
 
 PARTS = {part.name: slice(part.start, part.stop) for part in layout()}
 ONE = np.zeros(1, np.int64)
 
 
-def record(observer, **changes):
+def record(observations, **changes):
     given = {"pb": [0.5, -0.5], "outcome": "unlearned", "nearest": 2, "novelty": 1.0, "known": 0.5, "reward": 0.5}
     given |= changes
-    given["outcome"] = OUTCOMES.index(given["outcome"])
+    given["outcome"] = ALL_OUTCOMES.index(given["outcome"])
     pb = np.array(given.pop("pb"), dtype=float).reshape(1, -1, 2)
-    observer.record(ONE, pb=pb, **{name: np.array([value]) for name, value in given.items()})
-    return observer.vector()
+    observations.record_action(ONE, pb=pb, **{name: np.array([value]) for name, value in given.items()})
+    return observations.vector()
 
 
 def test_an_episode_begins_with_zeros():
-    assert not Observer(layout()).vector().any()
+    assert not ObservationBatch(layout()).vector().any()
 
 
 def test_an_action_is_told_part_by_part():
-    seen = record(Observer(layout()))
+    seen = record(ObservationBatch(layout()))
 
     np.testing.assert_allclose(seen[PARTS["pb"]], [0.5, -0.5])
-    assert seen[PARTS["outcome"]].tolist() == [float(name == "unlearned") for name in OUTCOMES]
+    assert seen[PARTS["outcome"]].tolist() == [float(name == "unlearned") for name in ALL_OUTCOMES]
     assert seen[PARTS["novelty"]] == 0.5
     assert seen[PARTS["known"]] == pytest.approx(1 / 3)
     assert seen[PARTS["nearest"]].tolist() == [0, 0, 1, 0, 0, 0]
@@ -33,20 +34,20 @@ def test_an_action_is_told_part_by_part():
 
 def test_the_cell_of_a_point_lies_where_the_page_says():
     """PB (0.5, -0.5): column floor(0.75 * 8) = 6 of row floor(0.25 * 8) = 2."""
-    cells = record(Observer(layout()))[PARTS["cells"]]
+    cells = record(ObservationBatch(layout()))[PARTS["cells"]]
 
     assert np.flatnonzero(cells).tolist() == [2 * N_CELLS + 6]
 
 
 @pytest.mark.parametrize("corner", [(-1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
 def test_corners_have_cells(corner):
-    assert np.count_nonzero(record(Observer(layout()), pb=corner)[PARTS["cells"]]) == 1
+    assert np.count_nonzero(record(ObservationBatch(layout()), pb=corner)[PARTS["cells"]]) == 1
 
 
 def test_a_cell_keeps_the_best_that_was_found_in_it():
-    observer = Observer(layout())
+    observations = ObservationBatch(layout())
     values = [
-        record(observer, **change)[PARTS["cells"]].sum()
+        record(observations, **change)[PARTS["cells"]].sum()
         for change in ({"outcome": "fluctuating", "reward": 0.0}, {"reward": 1.0}, {"reward": 0.2}, {"outcome": "fell"})
     ]
 
@@ -54,29 +55,29 @@ def test_a_cell_keeps_the_best_that_was_found_in_it():
 
 
 def test_a_known_movement_still_marks_its_cell():
-    assert record(Observer(layout()), reward=0.0)[PARTS["cells"]].max() == pytest.approx(0.1)
+    assert record(ObservationBatch(layout()), reward=0.0)[PARTS["cells"]].max() == pytest.approx(0.1)
 
 
 def test_the_vector_is_a_copy():
-    observer = Observer(layout())
-    before = observer.vector()
-    record(observer)
+    observations = ObservationBatch(layout())
+    before = observations.vector()
+    record(observations)
 
     assert not before.any()
 
 
 def test_a_movement_of_several_pb_vectors_marks_the_cells_of_all():
     """(-1, -1) is cell 0, (1, 1) the last; the last vector is the one that `pb` tells."""
-    seen = record(Observer(layout()), pb=[[-1, -1], [0.99, 0.99], [1, 1]])
+    seen = record(ObservationBatch(layout()), pb=[[-1, -1], [0.99, 0.99], [1, 1]])
 
     assert np.flatnonzero(seen[PARTS["cells"]]).tolist() == [0, N_CELLS**2 - 1]
     assert seen[PARTS["pb"]].tolist() == [1, 1]
 
 
 def test_robots_side_by_side_see_their_own():
-    observer = Observer(layout(), 3)
-    observer.put(np.array([0, 2]), "step", np.array([0.25, 0.5]))
+    observations = ObservationBatch(layout(), 3)
+    observations.set_part(np.array([0, 2]), "step", np.array([0.25, 0.5]))
 
-    assert observer.vectors()[:, PARTS["step"]].ravel().tolist() == [0.25, 0.0, 0.5]
-    observer.clear(2)
-    assert not observer.vector(2).any()
+    assert observations.vectors()[:, PARTS["step"]].ravel().tolist() == [0.25, 0.0, 0.5]
+    observations.clear(2)
+    assert not observations.vector(2).any()

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ import pytest
 from creative_nao.cli import main
 from creative_nao.envs import BoxingEnv
 from creative_nao.envs import physical_map as module
-from creative_nao.envs.physical_map import FIGURES, Crowd, PhysicalMap, physical_map
+from creative_nao.envs.executors import PhysicsPool, SharedScene, ThreadPool
+from creative_nao.envs.physical_map import FIGURES, PhysicalMap, physical_map
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.maps import pb_map
 from creative_nao.measures import Criteria
@@ -37,8 +39,9 @@ def equal(one, other):
 def test_robots_side_by_side_perform_bit_for_bit_like_one_alone_in_the_whole_scene(memory):
     trajectories = memory.generate(np.random.default_rng(4).uniform(-1, 1, (6, 2)))
     alone = Performer()
-    with Crowd(2) as crowd:
-        for trajectory, done in zip(trajectories, crowd.perform(trajectories, memory.dt_s), strict=True):
+    with closing(ThreadPool(2)) as threads:
+        found = PhysicsPool(threads, SharedScene(bare=True)).perform(trajectories, [memory.dt_s] * 6)
+        for trajectory, (done, _) in zip(trajectories, found, strict=True):
             expected = alone.perform(trajectory, memory.dt_s)
             for field in dataclasses.fields(expected):
                 assert np.array_equal(getattr(done, field.name), getattr(expected, field.name)), field.name
@@ -162,8 +165,8 @@ def test_other_joints_or_units_are_refused(waves):
         SettingsError, match="a physical map needs a memory with n_pb = 2 and the joints RShoulderPitch"
     ):
         physical_map(train_network(waves, TrainingSettings(n_epochs=1), settings), 2)
-    with pytest.raises(SettingsError, match="`n_threads` should be at least 1, but is 0"):
-        Crowd(0)
+    with pytest.raises(SettingsError, match="`n_threads` should be at least 1 or None, but is 0"):
+        physical_map(load_memory("half/0"), 2, n_threads=0)
 
 
 def test_the_command_makes_map_and_picture_and_goes_on_when_told(capsys, tmp_path, memory):

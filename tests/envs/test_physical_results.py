@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from creative_nao.envs import BoxingEnv
-from creative_nao.envs.observation import OUTCOMES
 from creative_nao.envs.physical_map import PhysicalMap
+from creative_nao.measures.outcome import ALL_OUTCOMES
 
 DOCS = Path(__file__).parents[2] / "docs"
 MEMORIES = ("open/0", "half/0", "closed/0")
@@ -55,8 +55,10 @@ def test_the_page_has_the_figures_of_the_map(chart, memory):
 
 def test_the_outcomes_of_a_map_are_all_there_is(chart):
     found = chart.summary()
-    shares = [value for name, value in found.items() if name.endswith("_pct") and name.removesuffix("_pct") in OUTCOMES]
-    assert len(shares) == len(OUTCOMES)
+    shares = [
+        value for name, value in found.items() if name.endswith("_pct") and name.removesuffix("_pct") in ALL_OUTCOMES
+    ]
+    assert len(shares) == len(ALL_OUTCOMES)
     assert sum(shares) == pytest.approx(100.0)
 
 

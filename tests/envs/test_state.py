@@ -98,7 +98,7 @@ def test_a_state_is_plain(env):
 
     json.dumps(state.values)
     assert all(type(array) is np.ndarray and array.dtype.kind in "fi" for array in state.arrays.values())
-    assert all(not np.shares_memory(array, env.unwrapped._episodes.knowledge._known) for array in state.arrays.values())
+    assert all(not np.shares_memory(array, env.unwrapped._batch.archive._known) for array in state.arrays.values())
 
 
 def test_the_physical_state_is_part_of_it():

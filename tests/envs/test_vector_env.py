@@ -120,7 +120,7 @@ def test_without_autoreset_ended_episodes_wait_for_a_mask():
     with closing(native("CreativeNao/BoxingMental-v0", 2, n_actions=1, autoreset_mode="Disabled")) as envs:
         envs.reset(seed=0)
         assert envs.step(np.zeros((2, 2)))[3].all()
-        with pytest.raises(SettingsError, match=r"copies \[0, 1\] have ended"):
+        with pytest.raises(SettingsError, match=r"sub-environments \[0, 1\] have ended"):
             envs.step(np.zeros((2, 2)))
         envs.reset(options={"reset_mask": np.ones(2, bool)})
         assert envs.step(np.zeros((2, 2)))[3].all()

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from creative_nao.envs.archive import Knowledge
-from creative_nao.envs.episode_batch import Episodes
+from creative_nao.envs.archive import RepertoireArchive
+from creative_nao.envs.episode_batch import EpisodeBatch
 from creative_nao.measures import dtw_matrix
 from creative_nao.measures.outcome import is_fluctuating, is_non_moving
 
@@ -22,51 +22,51 @@ def movements(n, n_steps, n_joints, seed=0):
 @pytest.mark.parametrize("n_steps", [1, 2, 20, 51])
 def test_distances_have_the_bits_of_the_measures(n_joints, n_steps):
     known, new = movements(13, n_steps, n_joints), movements(4, n_steps, n_joints, 1)
-    knowledge = Knowledge(1, 6, n_steps, n_joints)
+    archive = RepertoireArchive(1, 6, n_steps, n_joints)
     demonstrations = _taught(known[:6])
-    knowledge.teach(0, demonstrations, 1.0)
+    archive.set_basic_actions(0, demonstrations, 1.0)
     for one in known[6:]:
-        knowledge.accept(ZERO, np.ones(1, bool), one[None], knowledge.compare(ZERO, one[None]))
+        archive.accept(ZERO, np.ones(1, bool), one[None], archive.compare(ZERO, one[None]))
 
-    found = knowledge.compare(np.zeros(4, np.int64), new)
+    found = archive.compare(np.zeros(4, np.int64), new)
 
     assert np.array_equal(found[:, :13], dtw_matrix(new, known))
     assert np.isinf(found[:, 13:]).all()
 
 
 def test_basic_actions_may_differ_in_length(waves):
-    knowledge = Knowledge(1, 2, 20, 2)
-    knowledge.teach(0, waves, 1.0)
+    archive = RepertoireArchive(1, 2, 20, 2)
+    archive.set_basic_actions(0, waves, 1.0)
     new = movements(1, 20, 2)
 
-    assert np.array_equal(knowledge.compare(ZERO, new)[:, :2], dtw_matrix(new, waves.trajectories))
+    assert np.array_equal(archive.compare(ZERO, new)[:, :2], dtw_matrix(new, waves.trajectories))
 
 
 def test_robots_side_by_side_know_only_their_own(demonstrations):
-    knowledge = Knowledge(3, 6, 50, 8)
+    archive = RepertoireArchive(3, 6, 50, 8)
     for robot in range(3):
-        knowledge.teach(robot, demonstrations, 1.0)
+        archive.set_basic_actions(robot, demonstrations, 1.0)
     new = movements(3, 50, 8)
     robots = np.arange(3)
-    knowledge.accept(robots, np.array([True, False, True]), new, knowledge.compare(robots, new))
+    archive.accept(robots, np.array([True, False, True]), new, archive.compare(robots, new))
 
-    distances = knowledge.compare(robots, new)
-    assert knowledge.sizes.tolist() == [7, 6, 7]
+    distances = archive.compare(robots, new)
+    assert archive.sizes.tolist() == [7, 6, 7]
     assert distances.min(axis=1)[[0, 2]].tolist() == [0, 0]
     assert distances.min(axis=1)[1] > 0
 
 
 def test_more_fits_than_there_was_room_for(demonstrations):
-    knowledge = Knowledge(1, 6, 50, 8)
-    knowledge.teach(0, demonstrations, 1.0)
+    archive = RepertoireArchive(1, 6, 50, 8)
+    archive.set_basic_actions(0, demonstrations, 1.0)
     new = movements(100, 50, 8)
     for one in new:
-        knowledge.accept(ZERO, np.ones(1, bool), one[None], knowledge.compare(ZERO, one[None]))
+        archive.accept(ZERO, np.ones(1, bool), one[None], archive.compare(ZERO, one[None]))
 
-    assert np.array_equal(np.stack(knowledge.accepted(0)), new)
-    assert np.array_equal(knowledge.compare(ZERO, new[:1])[0, 6:106], dtw_matrix(new[:1], new)[0])
+    assert np.array_equal(np.stack(archive.accepted(0)), new)
+    assert np.array_equal(archive.compare(ZERO, new[:1])[0, 6:106], dtw_matrix(new[:1], new)[0])
     expected = dtw_matrix(new)[np.triu_indices(100, 1)].mean()
-    assert knowledge.measures(0, 100)["diversity"] == pytest.approx(expected, rel=1e-12)
+    assert archive.measures(0, 100)["diversity"] == pytest.approx(expected, rel=1e-12)
 
 
 def test_outcomes_are_those_of_the_measures(tiny_memory):
@@ -74,14 +74,24 @@ def test_outcomes_are_those_of_the_measures(tiny_memory):
     taught = tiny_memory.demonstrations
     size = np.geomspace(1e-3, 3.0, 40)[:, None, None]
     new = taught.trajectories[0][:1] + size * (taught.trajectories[0] - taught.trajectories[0][:1])
-    episodes = Episodes(tiny_memory, 40)
-    scored = episodes.score(np.arange(40), np.zeros((40, 1, 2)), new)
+    batch = EpisodeBatch(Scripted(tiny_memory, new), 40)
+    scored = batch.step(np.arange(40), np.zeros((40, 2))).finished_terms["outcome"]
     fast, still = is_fluctuating(new, taught), is_non_moving(new, taught)
 
     assert 0 < fast.sum() < 40
     assert 0 < still.sum() < 40
-    assert np.array_equal(scored.outcome == 2, fast)
-    assert np.array_equal(scored.outcome == 3, still & ~fast)
+    assert np.array_equal(scored == "fluctuating", fast)
+    assert np.array_equal(scored == "non_moving", still & ~fast)
+
+
+class Scripted:
+    """A memory that generates the same movements whatever the PB."""
+
+    def __init__(self, memory, movements):
+        self.pb, self.demonstrations, self._movements = memory.pb, memory.demonstrations, movements
+
+    def generate(self, pb, n_steps=None):
+        return self._movements[: len(pb)]
 
 
 def _taught(trajectories):

@@ -1,0 +1,153 @@
+"""Movements under way: the PB may change every few ticks, the state of the network goes on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from creative_nao.envs.memory_set import RewardSpec
+from creative_nao.envs.observation import ObservationBatch
+from creative_nao.envs.state import NETWORK_ARRAYS
+from creative_nao.errors import SettingsError
+from creative_nao.model.generation import ClosedLoopGenerator, Rollout
+from creative_nao.model.memory import Memory
+
+DECISION_TICKS = 5
+"""Ticks from one decision about the PB to the next."""
+
+
+def check_can_pause(memory: Any) -> None:
+    """Refuse a memory that can only generate whole movements.
+
+    Raises:
+        SettingsError: Naming its class.
+    """
+    if not isinstance(memory, Memory):
+        raise SettingsError(
+            "`memory` should be a `creative_nao.Memory`, whose network can be stopped between ticks, "
+            f"but is a {type(memory).__name__}"
+        )
+
+
+class RolloutBatch:
+    """The movements under way of one or many environments, one each.
+
+    Args:
+        specs: Memory of each environment's episode; this very list is read again whenever a movement begins.
+        observations: Where posture, P_S and phase are written.
+
+    Attributes:
+        n_decisions: Decisions of a movement; the last one holds for what is left of it.
+        n_decided: Decisions taken in the movement under way, shape (n_envs,).
+    """
+
+    def __init__(self, specs: list[RewardSpec], observations: ObservationBatch) -> None:
+        first = specs[0]
+        n_envs, n_joints = len(specs), len(first.demonstrations.joints)
+        self._specs, self._observations = specs, observations
+        self._n_steps = first.n_steps
+        self.n_decisions = -(-first.n_steps // DECISION_TICKS)
+        self.n_decided = np.zeros(n_envs, np.int64)
+        self._angles = np.zeros((n_envs, first.n_steps, n_joints))
+        self._pb = np.zeros((n_envs, self.n_decisions, first.n_pb))
+        references = first.memory.encoding.references
+        self._low, self._high = references[:, 0], references[:, -1]
+        self._under_way: list[Rollout] = [self._generator(env_id).begin(1) for env_id in range(n_envs)]
+        self._posture = np.zeros((n_envs, n_joints))
+        for env_id in range(n_envs):
+            self.reset(env_id)
+
+    def _generator(self, env_id: int) -> ClosedLoopGenerator:
+        return self._specs[env_id].memory.generator
+
+    def reset(self, env_id: int) -> None:
+        """Begin an episode: the robot stands in its initial posture, and its observation shows it."""
+        self.next_movement(env_id)
+        self._posture[env_id] = self._specs[env_id].demonstrations.initial_posture
+        self.observe(np.array([env_id]))
+
+    def next_movement(self, env_id: int) -> None:
+        """Begin the next movement, with the network at rest."""
+        self.n_decided[env_id] = 0
+        self._under_way[env_id] = self._generator(env_id).begin(1)
+
+    def advance(self, env_ids: np.ndarray, pb: np.ndarray) -> None:
+        """Generate these movements until their next decision, under PB vectors (m, n_pb)."""
+        for env_id, point in zip(env_ids, pb, strict=True):
+            under_way, decided = self._under_way[env_id], self.n_decided[env_id]
+            first = under_way.tick
+            n_ticks = min(DECISION_TICKS, self._n_steps - first)
+            angles = self._generator(env_id).advance(under_way, point[None], n_ticks)[0]
+            self._angles[env_id, first : first + n_ticks] = angles
+            self._posture[env_id] = angles[-1]
+            self._pb[env_id, decided] = point
+            self.n_decided[env_id] = decided + 1
+
+    def finished(self, env_ids: np.ndarray) -> np.ndarray:
+        """Return whose movement is complete, (m,) of bool."""
+        return self.n_decided[env_ids] == self.n_decisions
+
+    def tick(self, env_ids: np.ndarray) -> np.ndarray:
+        """Return how many ticks are generated, (m,)."""
+        return np.minimum(self.n_decided[env_ids] * DECISION_TICKS, self._n_steps)
+
+    def posture(self, env_ids: np.ndarray) -> np.ndarray:
+        """Return where the joints stand [rad], a copy of (m, n_joints)."""
+        return self._posture[env_ids]
+
+    def trajectories(self, env_ids: np.ndarray) -> np.ndarray:
+        """Return the movements, a copy of (m, n_steps, n_joints) [rad]."""
+        return self._angles[env_ids]
+
+    def pb_paths(self, env_ids: np.ndarray) -> np.ndarray:
+        """Return the PB vectors of the movements, a copy of (m, n_decisions, n_pb)."""
+        return self._pb[env_ids]
+
+    def observe(self, env_ids: np.ndarray) -> None:
+        """Write posture, P_S and phase into the observations."""
+        observations = self._observations
+        share = 2.0 * (self._posture[env_ids] - self._low) / (self._high - self._low) - 1.0
+        observations.set_part(env_ids, "posture", np.clip(share, -1.0, 1.0))
+        n_slow = self._generator(0).n_slow
+        slow = np.concatenate([self._under_way[env_id].activity[:, -n_slow:] for env_id in env_ids])
+        observations.set_part(env_ids, "slow", np.clip(slow, -1.0, 1.0))
+        observations.set_part(env_ids, "phase", self.n_decided[env_ids] / self.n_decisions)
+
+    def get_state(self, env_id: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """Return a movement under way as JSON-able values and arrays, for `set_state`."""
+        under_way = self._under_way[env_id]
+        values = {"n_decided": int(self.n_decided[env_id]), "tick": under_way.tick}
+        arrays = {
+            "network_code": under_way.code.copy(),
+            "network_state": under_way.state.copy(),
+            "network_activity": under_way.activity.copy(),
+            "unfolded": self._angles[env_id].copy(),
+            "pb_path": self._pb[env_id].copy(),
+            "posture": self._posture[env_id].copy(),
+        }
+        return values, arrays
+
+    def set_state(self, env_id: int, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+        """Restore what `get_state` returned; the memory of the episode has to be in place already.
+
+        Raises:
+            SettingsError: If it does not fit the memory's network.
+        """
+        decided, tick = values["n_decided"], values["tick"]
+        if decided >= self.n_decisions or tick != min(decided * DECISION_TICKS, self._n_steps):
+            raise SettingsError(
+                f"`state`: its `n_decided` should be below {self.n_decisions}, its `tick` {DECISION_TICKS} times that, "
+                f"but they are {decided} and {tick}"
+            )
+        rest = self._generator(env_id).begin(1)
+        for name, array in zip(NETWORK_ARRAYS, (rest.code, rest.state, rest.activity), strict=True):
+            if arrays[name].shape != array.shape:
+                raise SettingsError(
+                    f"`state`: its array `{name}` should have shape {array.shape}, but has {arrays[name].shape}"
+                )
+        self.n_decided[env_id] = decided
+        self._under_way[env_id] = Rollout(tick, *(arrays[name].copy() for name in NETWORK_ARRAYS))
+        self._angles[env_id] = arrays["unfolded"]
+        self._pb[env_id] = arrays["pb_path"]
+        self._posture[env_id] = arrays["posture"]
