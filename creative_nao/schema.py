@@ -29,13 +29,21 @@ import os
 import re
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, dataclass_transform, overload
 
 import numpy as np
 import pydantic.dataclasses
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, FailFast, Field, TypeAdapter, ValidationError
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    FailFast,
+    Field,
+    TypeAdapter,
+    ValidationError,
+)
 from pydantic_core import ArgsKwargs
 
 from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError, nearest_name, shown
@@ -180,12 +188,21 @@ def parse(
 
 
 def checked(kind: Any, value: Any, name: str) -> Any:
-    """Return an argument of a function after checking it against a type: ``checked(Count, n_steps, "n_steps")``.
+    """Return an argument of a function after checking it: ``checked(Count, n_steps, "n_steps")``.
+
+    Args:
+        kind: An annotation as of a field, or a class that it should be an instance of, such as `np.random.Generator`.
+        value: What was given.
+        name: Of the argument, for the message.
 
     Raises:
         SettingsError: Naming the argument.
     """
-    return _validated(kind, value, f"`{name}`", SettingsError)
+    if not isinstance(kind, type) or _is_record(kind) or kind.__module__ == "builtins":
+        return _validated(kind, value, f"`{name}`", SettingsError)
+    if not isinstance(value, kind):
+        raise SettingsError(f"`{name}` should be a `{kind.__name__}`, but is {shown(value)}")
+    return value
 
 
 def dump(instance: Any) -> dict[str, Any]:
@@ -316,50 +333,39 @@ def _message(error: ValidationError, values: Any, where: str, fields: Sequence[s
 
 
 _UNKNOWN = "unexpected_keyword_argument"
-_EXPECTED: dict[str, Callable[[dict[str, Any]], str]] = {
-    "int_type": lambda _: "a whole number",
-    "int_from_float": lambda _: "a whole number",
-    "int_parsing": lambda _: "a whole number",
-    "float_type": lambda _: "a number",
-    "finite_number": lambda _: "a finite number",
-    "bool_type": lambda _: "true or false",
-    "string_type": lambda _: "text",
-    "string_unicode": lambda _: "text that can be written as UTF-8",
-    "string_too_long": lambda told: f"text of at most {told['max_length']} characters",
-    "string_too_short": lambda told: f"text of at least {told['min_length']} characters",
-    "tuple_type": lambda _: "a list",
-    "list_type": lambda _: "a list",
-    "dict_type": lambda _: "a JSON object",
-    "dataclass_type": lambda _: "a JSON object",
-    "dataclass_exact_type": lambda _: "a JSON object",
-    "none_required": lambda _: "null",
-    "too_long": lambda told: f"{_collection(told)} of at most {_entries(told['max_length'])}",
-    "too_short": lambda told: f"{_collection(told)} of at least {_entries(told['min_length'])}",
-    "greater_than_equal": lambda told: f"at least {_plain(told['ge'])}",
-    "greater_than": lambda told: f"above {_plain(told['gt'])}",
-    "less_than_equal": lambda told: f"at most {_plain(told['le'])}",
-    "less_than": lambda told: f"below {_plain(told['lt'])}",
-    "literal_error": lambda told: told["expected"].replace("'", "`"),
-    "value_error": lambda told: str(told["error"]),
+_EXPECTED = {
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+    "string_type": "text",
+    "string_unicode": "text that can be written as UTF-8",
+    "string_too_long": "text of at most {max_length} characters",
+    "string_too_short": "text of at least {min_length} characters",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "dict_type": "a JSON object",
+    "none_required": "null",
+    "too_long": "{field_type} of at most {max_length} entries",
+    "too_short": "{field_type} of at least {min_length} entries",
+    "greater_than_equal": "at least {ge}",
+    "greater_than": "above {gt}",
+    "less_than_equal": "at most {le}",
+    "less_than": "below {lt}",
+    "literal_error": "{expected}",
+    "value_error": "{error}",
 }
-
-
-def _plain(bound: float) -> str:
-    return f"{bound:g}" if isinstance(bound, float) else f"{bound}"
-
-
-def _entries(n: int) -> str:
-    return f"{n} entr{'y' if n == 1 else 'ies'}"
-
-
-def _collection(told: Mapping[str, Any]) -> str:
-    return "an object" if told.get("field_type") == "Dictionary" else "a list"
+"""What pydantic's errors expected, in plain words; in braces what it tells of the bound."""
 
 
 def _expected(fault: Any) -> str:
-    """Return in plain words what pydantic expected."""
-    told = _EXPECTED.get(fault["type"])
-    return str(fault["msg"]).removeprefix("Input should be ") if told is None else told(fault.get("ctx", {}))
+    told = _EXPECTED.get(fault["type"], str(fault["msg"]).removeprefix("Input should be "))
+    bounds = {name: f"{bound:g}" if isinstance(bound, float) else bound for name, bound in fault.get("ctx", {}).items()}
+    bounds["field_type"] = "an object" if bounds.get("field_type") == "Dictionary" else "a list"
+    if fault["type"] == "literal_error":
+        bounds["expected"] = bounds["expected"].replace("'", "`")
+    return told.format_map(bounds) if fault["type"] in _EXPECTED else told
 
 
 def _path(loc: Sequence[str | int], values: Any, fields: Sequence[str]) -> list[str | int]:

@@ -104,7 +104,7 @@ WRONG = [
     ({"format_version": 2, "newer": 1}, "`format_version` should be 1, the version that this release reads, but is 2"),
     ({"format_version": ...}, "`format_version` is missing"),
     ({"jonts": []}, "no key `jonts` (did you mean `joints`?); there are: format_version, joints, "),
-    ({"joints": []}, "`joints` should be a list of at least 1 entry"),
+    ({"joints": []}, "`joints` should be a list of at least 1 entries"),
     ({"joints": ["a", "a"]}, "`joints` should be a list of different names"),
     ({"joints": ["a\nb"]}, "`joints`, entry 1 should be a name of 1 to 200 printable characters, but is 'a\\nb'"),
     ({"joints": "ab"}, "`joints` should be a list, but is 'ab'"),
@@ -206,6 +206,12 @@ def test_arguments_of_functions_are_checked():
     for value, expected in ((0, "at least 1"), (True, "a whole number"), ("x", "a whole number"), (2.0, "a whole")):
         with pytest.raises(SettingsError, match=f"`n_steps` should be {expected}.*, but is {value!r}"):
             checked(Count, value, "n_steps")
+    generator = np.random.default_rng(0)
+    assert checked(np.random.Generator, generator, "rng") is generator
+    with pytest.raises(SettingsError, match="`rng` should be a `Generator`, but is 0"):
+        checked(np.random.Generator, 0, "rng")
+    with pytest.raises(SettingsError, match="`gait`: `n_steps` should be at least 1, but is 0"):
+        checked(Gait, {"n_steps": 0}, "gait")
 
 
 def test_an_open_record_ignores_what_it_does_not_know():

@@ -252,7 +252,7 @@ def save_demonstrations(folder: str | os.PathLike[str], demos: Demonstrations) -
         NotFoundError: If files vanished while the others were written: fewer actions must not pass for all.
         SettingsError: If a name would lead out of the folder.
     """
-    folder = checked_path(folder, "folder")
+    folder, demos = checked_path(folder, "folder"), checked(Demonstrations, demos, "demos")
     names = [checked(PlainName, name, f"names[{place}]") for place, name in enumerate(demos.names)]
     paths = [folder / f"{name}.csv" for name in names]
     for path, trajectory in zip(paths, demos.trajectories, strict=True):

@@ -233,6 +233,9 @@ def vary(movement: Movement, variation: GuidanceVariation, rng: np.random.Genera
         variation: How much the hand varies.
         rng: Source of all randomness.
     """
+    checked(Movement, movement, "movement")
+    checked(GuidanceVariation, variation, "variation")
+    checked(np.random.Generator, rng, "rng")
     durations = np.diff(movement.times_s)
     durations = durations * np.exp(variation.timing * rng.standard_normal(len(durations)))
     durations *= movement.times_s[-1] / durations.sum()

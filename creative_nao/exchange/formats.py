@@ -10,11 +10,12 @@ from pathlib import Path
 
 from creative_nao import storage
 from creative_nao.demonstrations.files import checked_path
-from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name, shown
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
 from creative_nao.exchange import choregraphe, ros, tables
 from creative_nao.exchange.keys import MAX_FILE_BYTES, Keys, Motion, Recording, to_motion
 from creative_nao.exchange.safety import Unsafe, made_safe
 from creative_nao.joints import JOINTS
+from creative_nao.schema import checked
 
 
 @dataclass(frozen=True)
@@ -100,8 +101,7 @@ def write(
         SettingsError: If the ending does not fit the format, or an unsafe movement is to be kept in a robot's format.
     """
     path = checked_path(path)
-    if not isinstance(motion, Motion):
-        raise SettingsError(f"`motion` should be a `Motion`, but is {shown(motion)}.")
+    checked(Motion, motion, "motion")
     name = format_for(path) if format is None else _known(format)
     one = FORMATS[name]
     if path.suffix.lower() not in one.endings:

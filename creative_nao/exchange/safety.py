@@ -16,6 +16,7 @@ import numpy as np
 from creative_nao.errors import CreativeNaoError, SettingsError
 from creative_nao.exchange.keys import CYCLE_S, Motion
 from creative_nao.joints import ENCODER_STEP_RAD, LIMITS_RAD, MAX_SPEED_RAD_S
+from creative_nao.schema import checked
 
 Unsafe = Literal["refuse", "clip", "keep"]
 UNSAFE: tuple[Unsafe, ...] = ("refuse", "clip", "keep")
@@ -66,6 +67,7 @@ def inspect(motion: Motion) -> list[Finding]:
     An angle may lie one count of the encoder (0.0015 rad) beyond its range, since no recording is finer than that.
     """
     found: list[Finding] = []
+    checked(Motion, motion, "motion")
     for column, joint in enumerate(motion.joints):
         if joint not in LIMITS_RAD:
             found.append(Finding("unknown", joint, 0.0, motion.duration_s, 0.0, 0.0, 0.0))

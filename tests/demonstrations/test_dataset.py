@@ -46,7 +46,7 @@ def test_a_trajectory_is_found_by_its_name():
     ("change", "error", "text"),
     [
         ({"names": ("a", "a")}, SettingsError, "`names` should be a list of different names"),
-        ({"names": ()}, SettingsError, "`names` should be a list of at least 1 entry"),
+        ({"names": ()}, SettingsError, "`names` should be a list of at least 1 entries"),
         ({"names": 3}, SettingsError, "`names` should be a list, but is 3"),
         ({"dt_s": "x"}, SettingsError, "`dt_s` should be a number, but is 'x'"),
         ({"trajectories": None}, ShapeError, "`trajectories` should hold one trajectory for each of the 2 names"),

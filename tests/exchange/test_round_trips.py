@@ -142,6 +142,8 @@ def test_a_motion_is_shown_in_one_line_and_as_curves(jab):
 def test_arguments_of_another_kind_are_named(jab, tmp_path):
     with pytest.raises(SettingsError, match="`motion` should be a `Motion`, but is 3"):
         exchange.write(tmp_path / "a.csv", 3)
+    with pytest.raises(SettingsError, match="`motion` should be a `Motion`, but is 3"):
+        exchange.made_safe(3)
     with pytest.raises(SettingsError, match="`path` should be text, but is 3"):
         exchange.read(3)
     with pytest.raises(SettingsError, match="`joints` should be a list, but is 'RElbowYaw'"):
