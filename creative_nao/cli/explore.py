@@ -17,7 +17,7 @@ from creative_nao.model import load_memory
 from creative_nao.storage import read_text
 
 INSTALL = 'pip install "creative-nao[explore]"'
-MAX_CROWD = 5000
+MAX_AGENT_POINTS = 5000
 CHOSEN = ("pb_1", "pb_2")
 """Columns with the PB point of an action."""
 
@@ -59,25 +59,27 @@ def run(settings: ExploreSettings) -> int:
     if settings.html is not None:
         return _write_page(settings, settings.html)
     try:
-        from creative_nao.explorer.server import Exhibit, claim_port, serve
+        from creative_nao.explorer.server import AppState, claim_port, serve
     except MissingDependencyError:  # of the robot, and it says so better
         raise
     except ImportError as error:
         raise MissingDependencyError(f"the explorer needs {error.name or 'NiceGUI'}: {INSTALL}") from error
-    from creative_nao.explorer.physics_service import Stage
-    from creative_nao.explorer.registry import Shelf, check_physical
+    from creative_nao.explorer.physics_service import PhysicsService
+    from creative_nao.explorer.registry import MemoryRegistry, check_physical
     from creative_nao.explorer.state import Session, default_path
 
     check_physical(settings.physical, memories)
     claim_port(settings.host, settings.port)
-    crowd = None if settings.run is None else choices(settings.run)
+    agent_points = None if settings.run is None else choices(settings.run)
     session = Session(settings.session or default_path())
-    exhibit = Exhibit(Shelf(memories, settings.resolution, settings.physical), Stage(), session, crowd)
+    app_state = AppState(
+        MemoryRegistry(memories, settings.resolution, settings.physical), PhysicsService(), session, agent_points
+    )
     print(f"{' beside '.join(settings.memories)} is at http://{settings.host}:{settings.port}/  (Ctrl-C ends)")
     if settings.host not in ("127.0.0.1", "localhost", "::1"):
         print("warning: other machines can reach this page, and it asks nobody for a password", file=sys.stderr)
     sys.stdout.flush()
-    serve(exhibit, host=settings.host, port=settings.port, show=settings.open)
+    serve(app_state, host=settings.host, port=settings.port, show=settings.open)
     return 0
 
 
@@ -100,7 +102,7 @@ def choices(folder: Path) -> np.ndarray:
                     f"{path}: the first line should name the columns pb_1 and pb_2 once, between commas, "
                     f"but is {', '.join(reader.fieldnames or ())[:200]}"
                 )
-        for row, _ in zip(reader, range(MAX_CROWD), strict=False):
+        for row, _ in zip(reader, range(MAX_AGENT_POINTS), strict=False):
             points.append([_coordinate(row[name], f"{path}: line {reader.line_num}: {name}") for name in CHOSEN])
     except csv.Error as error:
         raise FileFormatError(f"{path}: line {reader.line_num}: not a line of CSV ({error})") from None

@@ -1,12 +1,4 @@
-"""Work that takes seconds: how far it is, and calling it off when nobody waits for it any more.
-
-Also here:
-- What the colours of the map may tell: nearest action, outcome, every measure, and what the body makes of it.
-- Patterns of what cannot be used, so that no outcome is told by colour alone.
-- The legend below the map as HTML: swatches with their patterns, or the scale of a measure with its unit.
-- The number that each cell of a map has in a colouring, worked out when somebody asks for it.
-- A window of the map in cells finer than the map's own: the network asked and scored anew.
-"""
+"""What the colours of a map tell, their legend and patterns, and finer maps of a window computed on demand."""
 
 from __future__ import annotations
 
@@ -33,7 +25,7 @@ from creative_nao.measures import OUTCOMES, score, unexpectedness
 from creative_nao.model import Memory
 
 
-class Work:
+class Computation:
     """One computation in a thread, watched from the page.
 
     Attributes:
@@ -42,11 +34,11 @@ class Work:
 
     def __init__(self) -> None:
         self.share = 0.0
-        self.called_off = False
+        self.cancelled = False
 
-    def call_off(self) -> None:
+    def cancel(self) -> None:
         """Let it end at its next step; what it then returns is None."""
-        self.called_off = True
+        self.cancelled = True
 
     def rows(self, n: int, block: int, begin: float = 0.0, end: float = 1.0) -> Iterator[slice]:
         """Give the rows of n things block by block, until they are done or the work is called off.
@@ -58,7 +50,7 @@ class Work:
             end: The share done after the last.
         """
         for start in range(0, n, block):
-            if self.called_off:
+            if self.cancelled:
                 return
             yield slice(start, min(start + block, n))
             self.share = begin + (end - begin) * min(start + block, n) / n
@@ -280,7 +272,7 @@ MAKING = 0.5
 """Share of the work after which all movements are made; what is left is comparing them."""
 
 
-def measured(memory: Memory, chart: PBMap, colour: str, whole: PBMap, work: Work) -> np.ndarray | None:
+def measured(memory: Memory, chart: PBMap, colour: str, whole: PBMap, work: Computation) -> np.ndarray | None:
     """Return the number of each cell, shape (n,), as `pb_space.colour_values` defines it; None if called off.
 
     Args:
@@ -298,7 +290,7 @@ def measured(memory: Memory, chart: PBMap, colour: str, whole: PBMap, work: Work
         for rows in work.rows(len(made), BLOCK, end=MAKING):
             made[rows] = memory.generate(chart.pb[rows])
         chart = dataclasses.replace(chart, trajectories=made, dt_s=memory.dt_s)
-    if work.called_off:
+    if work.cancelled:
         return None
     values = colour_values(chart, colour)[0]
     work.share = 1.0
@@ -321,11 +313,11 @@ class Measurements:
         """Return the numbers if they were worked out before."""
         return self._known.get((colour, chart.resolution))
 
-    def values(self, chart: PBMap, colour: str, work: Work) -> np.ndarray | None:
+    def values(self, chart: PBMap, colour: str, work: Computation) -> np.ndarray | None:
         """Return the numbers of the whole map, shape (n,); None if called off."""
         with self._lock:
             found = self.known(chart, colour)
-            if found is None and not work.called_off:
+            if found is None and not work.cancelled:
                 found = measured(self._memory, chart, colour, chart, work)
                 if found is not None:
                     self._known[colour, chart.resolution] = found
@@ -337,7 +329,7 @@ LEVELS = (50, 200)
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class FinerMap:
     """The cells of a window.
 
     Attributes:
@@ -351,7 +343,7 @@ class Sheet:
     values: dict[str, np.ndarray]
 
 
-def finer_sheet(memory: Memory, whole: PBMap, view: View, n: int, colour: str, work: Work) -> Sheet | None:
+def finer_map(memory: Memory, whole: PBMap, view: View, n: int, colour: str, work: Computation) -> FinerMap | None:
     """Generate and score `n` x `n` cells of a window; None if called off.
 
     Args:
@@ -372,7 +364,7 @@ def finer_sheet(memory: Memory, whole: PBMap, view: View, n: int, colour: str, w
         outcome[rows], nearest[rows], distance[rows] = scores.outcome, scores.nearest, scores.novelty
         if kept is not None:
             kept[rows] = made
-    if work.called_off:
+    if work.cancelled:
         return None
     settings = {"memory": memory.name, "resolution": n, "view": [view.left, view.bottom, view.width]}
 
@@ -389,4 +381,4 @@ def finer_sheet(memory: Memory, whole: PBMap, view: View, n: int, colour: str, w
             return None
         values[colour] = number
     work.share = 1.0
-    return Sheet(view, chart(None), values)
+    return FinerMap(view, chart(None), values)

@@ -1,11 +1,7 @@
-"""Demonstrations made in the page: key postures at times, joined like the shipped ones. Nothing here changes in place.
+"""Demonstrations made in the page: key postures at times, joined like the shipped ones. Nothing changes in place.
 
-A `Notebook` holds `Draft`s, a draft holds `Key`s. Everything is checked where it is made, so that what a browser sends
-or keeps for us is either sound or refused with one line; `notebook_checks.py` tells whether it is fit to be taught.
-
-Also here:
-- Is what was made in the page fit to be taught? What is wrong is said in one line, nothing is mended.
-- What the teaching page draws: a demonstration's curves with its keys, the loss, and the map that grows.
+A `KeyframeSet` holds `Draft`s, a draft holds `Key`s. Everything is checked where it is made, so that what a browser
+sends or keeps for us is either sound or refused with one line.
 """
 
 from __future__ import annotations
@@ -48,7 +44,7 @@ MAX_DURATION_S = 12.0
 MIN_GAP_S = 0.05
 """Shortest time between two keys [s]."""
 MAX_TEXT = 60_000
-"""Characters of the largest notebook as text."""
+"""Characters of the largest keyframes as text."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,23}")
 _ROUNDING_RAD = 1e-9
 
@@ -154,7 +150,7 @@ class Draft:
 
 
 @dataclass(frozen=True)
-class Notebook:
+class KeyframeSet:
     """The demonstrations of one tab, at most `MAX_DRAFTS`, no name twice.
 
     Raises:
@@ -172,13 +168,13 @@ class Notebook:
             if names.count(name) > 1:
                 raise SettingsError(f"two demonstrations are called {name}; a name may stand once")
 
-    def with_draft(self, place: int, draft: Draft) -> Notebook:
+    def with_draft(self, place: int, draft: Draft) -> KeyframeSet:
         """Put a draft at a place, which may be the one behind the last."""
-        return Notebook((*self.drafts[:place], draft, *self.drafts[place + 1 :]))
+        return KeyframeSet((*self.drafts[:place], draft, *self.drafts[place + 1 :]))
 
-    def without(self, place: int) -> Notebook:
+    def without(self, place: int) -> KeyframeSet:
         """Remove a draft."""
-        return Notebook(self.drafts[:place] + self.drafts[place + 1 :])
+        return KeyframeSet(self.drafts[:place] + self.drafts[place + 1 :])
 
     def free_name(self, wish: str) -> str:
         """Return the wish, or the wish with a number, such that no draft is called so."""
@@ -193,30 +189,30 @@ class Notebook:
         return Demonstrations(names, [draft.trajectory() for draft in self.drafts], DT_S, JOINTS, record)
 
     def to_text(self) -> str:
-        """Return the notebook as JSON."""
+        """Return the keyframes as JSON."""
         return json.dumps(
             [[d.name, [[k.time_s, *(round(a, 6) for a in k.posture)] for k in d.keys]] for d in self.drafts]
         )
 
     @classmethod
-    def from_text(cls, text: str) -> Notebook:
-        """Read a notebook back.
+    def from_text(cls, text: str) -> KeyframeSet:
+        """Read a keyframes back.
 
         Raises:
             FileFormatError: If it is none.
             SettingsError: If it breaks a bound.
         """
         if not isinstance(text, str) or len(text) > MAX_TEXT:
-            raise FileFormatError(f"a notebook is text of at most {MAX_TEXT} characters")
+            raise FileFormatError(f"a keyframes is text of at most {MAX_TEXT} characters")
         try:
-            rows = as_json(text, "notebook")
+            rows = as_json(text, "keyframes")
             drafts = [
                 Draft(name, tuple(Key(float(k[0]), tuple(map(float, k[1:]))) for k in keys)) for name, keys in rows
             ]
         except SettingsError:
             raise
         except (TypeError, ValueError, IndexError, KeyError, OverflowError) as error:
-            raise FileFormatError(f"not a notebook of demonstrations: {error}") from error
+            raise FileFormatError(f"not a keyframes of demonstrations: {error}") from error
         return cls(tuple(drafts))
 
 
@@ -226,14 +222,14 @@ def blank(name: str = "my_move") -> Draft:
     return Draft(name, (Key(0.0, guard), Key(1.5, guard)))
 
 
-def boxing() -> Notebook:
+def boxing() -> KeyframeSet:
     """Return the key postures of the six shipped basic actions."""
     drafts = []
     for name in ACTIONS:
         movement = keyframes(name)
         pairs = zip(movement.times_s.round(2), movement.postures, strict=True)
         drafts.append(Draft(name, tuple(Key(float(time), tuple(map(float, posture))) for time, posture in pairs)))
-    return Notebook(tuple(drafts))
+    return KeyframeSet(tuple(drafts))
 
 
 def _mirror(posture: tuple[float, ...]) -> tuple[float, ...]:
@@ -279,36 +275,36 @@ def fault(draft: Draft) -> str | None:
     return None
 
 
-def shortcomings(notebook: Notebook) -> list[str]:
+def shortcomings(keyframes: KeyframeSet) -> list[str]:
     """Return what keeps the set from being taught, one line each; empty when all is well."""
-    found = [one for one in map(fault, notebook.drafts) if one]
-    if len(notebook.drafts) < 2:
+    found = [one for one in map(fault, keyframes.drafts) if one]
+    if len(keyframes.drafts) < 2:
         return [*found, "a memory needs two demonstrations or more; add one, or the mirror image of the first"]
-    every = np.concatenate([draft.trajectory() for draft in notebook.drafts])
+    every = np.concatenate([draft.trajectory() for draft in keyframes.drafts])
     still = [joint for joint, span in zip(JOINTS, np.ptp(every, axis=0), strict=True) if not span > 0]
     if still:
         found.append(f"{', '.join(still)} never moves in any demonstration; add a mirror image, or move it somewhere")
     return found
 
 
-def advice(notebook: Notebook) -> list[str]:
+def advice(keyframes: KeyframeSet) -> list[str]:
     """Return what will make a memory worse, though it can be taught, one line each."""
-    if len(notebook.drafts) < 2:
+    if len(keyframes.drafts) < 2:
         return []
     found = []
-    starts = np.array([draft.keys[0].posture for draft in notebook.drafts])
+    starts = np.array([draft.keys[0].posture for draft in keyframes.drafts])
     away = np.abs(starts - starts.mean(axis=0))
-    for draft, one in zip(notebook.drafts, away, strict=True):
+    for draft, one in zip(keyframes.drafts, away, strict=True):
         if one.max() > START_TOLERANCE_RAD:
             found.append(
                 f"{spoken(draft.name)} starts {one.max():.2f} rad from the mean start at {JOINTS[int(one.argmax())]}; "
                 "a memory starts all its movements in one posture"
             )
-    distances = dtw_matrix([draft.trajectory() for draft in notebook.drafts])
+    distances = dtw_matrix([draft.trajectory() for draft in keyframes.drafts])
     threshold = Criteria().learned_threshold
     for i, j in zip(*np.triu_indices(len(distances), 1), strict=True):
         if distances[i, j] < threshold:
-            names = f"{spoken(notebook.drafts[i].name)} and {spoken(notebook.drafts[j].name)}"
+            names = f"{spoken(keyframes.drafts[i].name)} and {spoken(keyframes.drafts[j].name)}"
             found.append(f"{names} are {distances[i, j]:.1f} apart: within {threshold:g} they count as one movement")
     return found
 

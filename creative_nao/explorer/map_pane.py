@@ -1,9 +1,4 @@
-"""The map as a picture to touch: its pixels, and the marks upon it.
-
-Also here:
-- The map of one memory in a tab: its picture, its legend, and what lies under the pointer.
-- How the maps of a tab look: which window, in which colours; what is not known yet is worked out beside.
-"""
+"""The map of one memory in a tab: its picture, legend and marks, and what all maps of a tab share."""
 
 from __future__ import annotations
 
@@ -11,7 +6,7 @@ import asyncio
 import io
 from base64 import b64encode
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from nicegui import events, run, ui
@@ -22,12 +17,12 @@ from creative_nao.explorer.colours import (
     NEAREST,
     PATTERNS,
     Chart,
+    Computation,
+    FinerMap,
     Scale,
-    Sheet,
-    Work,
     cell_colours,
     figure_of_body,
-    finer_sheet,
+    finer_map,
     hatch,
     is_number,
     is_of_body,
@@ -37,12 +32,9 @@ from creative_nao.explorer.colours import (
     spans,
 )
 from creative_nao.explorer.memory_service import BODY_WORDS, OUTCOME_WORDS, spoken
-from creative_nao.explorer.registry import Subject
+from creative_nao.explorer.registry import LoadedMemory
 from creative_nao.explorer.view import SIZE, View, cell_of
 from creative_nao.maps.colours import INK, action_letter, rgb
-
-if TYPE_CHECKING:
-    from creative_nao.explorer.page import Tab
 
 
 class Mark(NamedTuple):
@@ -115,7 +107,7 @@ def overlay(
     learned_pb: np.ndarray,
     points: np.ndarray,
     marks: Sequence[Mark] = (),
-    crowd: np.ndarray | None = None,
+    agent_points: np.ndarray | None = None,
 ) -> str:
     """Return the marks as SVG: letters of the basic actions, others' points, and where we are.
 
@@ -124,10 +116,10 @@ def overlay(
         learned_pb: Where the basic actions lie, shape (n_actions, 2).
         points: Where the movement shown comes from, shape (n, 2); more than one are a path.
         marks: More letters, for instance of favourites.
-        crowd: Points of others, such as an agent's choices, shape (n, 2).
+        agent_points: Points of others, such as an agent's choices, shape (n, 2).
     """
     parts = []
-    for pb in () if crowd is None else crowd:
+    for pb in () if agent_points is None else agent_points:
         if view.shows(pb):
             x, y = view.to_pixel(pb)
             parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="white" stroke="black" stroke-width="1.5"/>')
@@ -162,7 +154,7 @@ _PRESSED = f"(e) => {{ if ({_KEYS}.includes(e.key) && !e.ctrlKey && !e.metaKey) 
 LACKING = "No physical map of this memory was given (--physical): nearest actions instead."
 
 
-class Material(NamedTuple):
+class MapLayer(NamedTuple):
     """What a map is painted from."""
 
     chart: Chart
@@ -170,29 +162,45 @@ class Material(NamedTuple):
     values: np.ndarray | None
 
 
+class MapEvents(Protocol):
+    """What a tab does when a person touches one of its maps."""
+
+    async def touched(self, pane: MapPane, event: events.GenericEventArguments) -> None:
+        """Handle the pointer pressed, dragged or lifted."""
+
+    def hovered(self, pane: MapPane, event: events.GenericEventArguments) -> None:
+        """Handle the pointer moved without a button."""
+
+    async def zoomed(self, pane: MapPane, event: events.GenericEventArguments) -> None:
+        """Handle wheel or fingers."""
+
+    async def pressed(self, event: events.GenericEventArguments) -> None:
+        """Handle a key."""
+
+
 class MapPane:
     """One map in a tab.
 
     Args:
-        subject: The memory.
+        loaded: The memory.
 
     Attributes:
         view: What of the PB space is shown; None is the whole map.
         sheet: Finer cells, of this view or an earlier one.
     """
 
-    def __init__(self, subject: Subject) -> None:
-        self.subject = subject
+    def __init__(self, loaded: LoadedMemory) -> None:
+        self.loaded = loaded
         self.view: View | None = None
-        self.sheet: Sheet | None = None
+        self.sheet: FinerMap | None = None
 
-    def build(self, tab: Tab) -> None:
+    def build(self, tab: MapEvents) -> None:
         """Lay it out; what is done to it goes to the tab."""
-        chart = self.subject.charting.chart
+        chart = self.loaded.progressive_map.chart
         picture = map_address(chart, view=self.frame())
         self._painted: tuple[Chart, str, View, tuple[float, float] | None] = (chart, NEAREST, self.frame(), None)
         self.image = ui.interactive_image(picture, events=["pointerdown", "pointermove", "pointerup"])
-        label = f"Map of the PB space of memory {self.subject.name}: {KEYS_HELP}".replace('"', "'")
+        label = f"Map of the PB space of memory {self.loaded.name}: {KEYS_HELP}".replace('"', "'")
         self.image.classes("cn-map").mark("map").props(f'tabindex=0 role=application aria-label="{label}"')
         self.image.on("mouse", lambda e: tab.touched(self, e), throttle=0.06, js_handler=_TOUCHED)
         self.image.on("mouse", lambda e: tab.hovered(self, e), throttle=0.15, js_handler=_HOVERED)
@@ -204,7 +212,7 @@ class MapPane:
 
     def frame(self) -> View:
         """Return the square of the PB space that is shown."""
-        return View.whole(self.subject.charting.chart.resolution) if self.view is None else self.view
+        return View.whole(self.loaded.progressive_map.chart.resolution) if self.view is None else self.view
 
     def pb_of(self, event: events.GenericEventArguments) -> tuple[float, float]:
         """Return the PB point under the pointer."""
@@ -213,32 +221,32 @@ class MapPane:
     def cell(self) -> float:
         """Return the width of a cell that is shown, in PB units."""
         sheet = self.fine_sheet()
-        chart = self.subject.charting.chart if sheet is None else sheet.chart
+        chart = self.loaded.progressive_map.chart if sheet is None else sheet.chart
         return float(chart.pb[1, 0] - chart.pb[0, 0])
 
-    def fine_sheet(self) -> Sheet | None:
+    def fine_sheet(self) -> FinerMap | None:
         """Return the finer cells if they cover all that is shown."""
         fits = self.view is not None and self.sheet is not None and self.view.within(self.sheet.view)
         return self.sheet if fits else None
 
-    def material(self, colour: str) -> Material | None:
+    def material(self, colour: str) -> MapLayer | None:
         """Return the finest that the map can be painted from now; None if its numbers are not known yet."""
-        subject = self.subject
+        loaded = self.loaded
         if is_of_body(colour):
-            if subject.physical is None:
-                return Material(subject.charting.chart, NEAREST, None)
-            number = figure_of_body(subject.physical, colour) if is_number(colour) else None
-            return Material(subject.physical, colour, number)
+            if loaded.physical is None:
+                return MapLayer(loaded.progressive_map.chart, NEAREST, None)
+            number = figure_of_body(loaded.physical, colour) if is_number(colour) else None
+            return MapLayer(loaded.physical, colour, number)
         sheet = self.fine_sheet()
         if sheet is not None and (not is_number(colour) or colour in sheet.values):
-            return Material(sheet.chart, colour, sheet.values.get(colour))
-        chart = subject.charting.chart
+            return MapLayer(sheet.chart, colour, sheet.values.get(colour))
+        chart = loaded.progressive_map.chart
         if not is_number(colour):
-            return Material(chart, colour, None)
-        known = subject.measurements.known(chart, colour)
-        return None if known is None else Material(chart, colour, known)
+            return MapLayer(chart, colour, None)
+        known = loaded.measurements.known(chart, colour)
+        return None if known is None else MapLayer(chart, colour, known)
 
-    async def paint(self, material: Material, span: tuple[float, float] | None, asked: str) -> None:
+    async def paint(self, material: MapLayer, span: tuple[float, float] | None, asked: str) -> None:
         """Draw the map and its legend, unless they are drawn; `asked` is the colouring that was asked for."""
         frame = self.frame()
         painted = (material.chart, asked, frame, span)
@@ -249,21 +257,19 @@ class MapPane:
             return
         self._painted = painted
         self.image.set_source(picture)
-        whole: Chart = material.chart if is_of_body(material.colour) else self.subject.charting.chart
+        whole: Chart = material.chart if is_of_body(material.colour) else self.loaded.progressive_map.chart
         scale = None if span is None or material.values is None else Scale(scale_label(material.colour), *span)
         lacking = "" if material.colour == asked else f"<div>{LACKING}</div>"
         self.legend.content = lacking + legend_html(whole, material.colour, scale)
 
-    def redraw(self, points: np.ndarray, tab: Tab) -> None:
-        """Draw the marks anew."""
-        crowd = tab.exhibit.crowd if self.subject is tab.exhibit.shelf.first else None
-        learned = self.subject.mind.memory.pb
-        self.image.content = overlay(self.frame(), learned, points, tab.marks, crowd)
+    def redraw(self, points: np.ndarray, marks: Sequence[Mark], agent_points: np.ndarray | None) -> None:
+        """Draw the marks anew; `agent_points` are drawn on the map of the first memory only."""
+        self.image.content = overlay(self.frame(), self.loaded.service.memory.pb, points, marks, agent_points)
 
     def tell(self, pb: tuple[float, float], colour: str) -> None:
         """Say what lies at a PB point."""
         sheet = self.fine_sheet()
-        chart = self.subject.charting.chart if sheet is None else sheet.chart
+        chart = self.loaded.progressive_map.chart if sheet is None else sheet.chart
         cell = cell_of(chart, pb)
         digits = self.frame().digits
         text = (
@@ -285,7 +291,7 @@ def as_pixel(value: object) -> float:
     return float(min(max(value, 0), SIZE)) if fits else SIZE / 2  # type: ignore[type-var]
 
 
-class Look:
+class MapState:
     """What all maps of a tab have in common.
 
     Args:
@@ -301,7 +307,7 @@ class Look:
         self._panes, self._told = panes, told
         self.view: View | None = None
         self.colour = NEAREST
-        self._works: list[Work] = []
+        self._works: list[Computation] = []
         self._wanted = 0
         self._painted = 0
         self._brush = asyncio.Lock()
@@ -317,23 +323,23 @@ class Look:
         sheets = [pane.fine_sheet() for pane in self._panes]
         return None if None in sheets else min(sheet.chart.resolution for sheet in sheets if sheet)
 
-    def call_off(self) -> None:
+    def cancel(self) -> None:
         """End all work, for instance since the tab has gone."""
         for work in self._works:
-            work.call_off()
+            work.cancel()
         self._works = []
 
     def set(self, view: View | None, colour: str) -> None:
         """Choose another window or other colours; `work` shows them."""
-        self.call_off()
+        self.cancel()
         self.view, self.colour = view, colour
         for pane in self._panes:
             pane.view = view
 
     async def work(self) -> None:
         """Show what was chosen: at once from what is known, then finer."""
-        self.call_off()
-        works = self._works = [Work() for _ in self._panes]
+        self.cancel()
+        works = self._works = [Computation() for _ in self._panes]
         await self.paint()
         await asyncio.gather(*(self._work_out(*one) for one in zip(self._panes, works, strict=True)))
         if self._works is works:
@@ -359,35 +365,35 @@ class Look:
                     await pane.paint(material, span, self.colour)
         self._told()
 
-    async def _work_out(self, pane: MapPane, work: Work) -> None:
-        colour, view, subject = self.colour, self.view, pane.subject
-        chart = subject.charting.chart
-        if is_number(colour) and not is_of_body(colour) and subject.measurements.known(chart, colour) is None:
-            await run.io_bound(subject.measurements.values, chart, colour, work)
+    async def _work_out(self, pane: MapPane, work: Computation) -> None:
+        colour, view, loaded = self.colour, self.view, pane.loaded
+        chart = loaded.progressive_map.chart
+        if is_number(colour) and not is_of_body(colour) and loaded.measurements.known(chart, colour) is None:
+            await run.io_bound(loaded.measurements.values, chart, colour, work)
             await self._show_if(work)
         if view is None or is_of_body(colour):
             work.share = 1.0
             return
-        memory = subject.mind.memory
+        memory = loaded.service.memory
         for n in LEVELS:
             sheet = pane.fine_sheet()
-            if work.called_off:
+            if work.cancelled:
                 return
             if sheet is not None and sheet.view == view and sheet.chart.resolution >= n:
                 if is_number(colour) and colour not in sheet.values:
                     values = await run.io_bound(measured, memory, sheet.chart, colour, chart, work)
                     if values is not None:
-                        pane.sheet = Sheet(view, sheet.chart, {**sheet.values, colour: values})
+                        pane.sheet = FinerMap(view, sheet.chart, {**sheet.values, colour: values})
                         await self._show_if(work)
                 continue
             if n * 2 <= chart.resolution * view.width:
                 continue  # the map's own cells are finer here
             work.share = 0.0
-            found = await run.io_bound(finer_sheet, memory, chart, view, n, colour, work)
-            if found is not None and not work.called_off:
+            found = await run.io_bound(finer_map, memory, chart, view, n, colour, work)
+            if found is not None and not work.cancelled:
                 pane.sheet = found
                 await self._show_if(work)
 
-    async def _show_if(self, work: Work) -> None:
-        if not work.called_off:
+    async def _show_if(self, work: Computation) -> None:
+        if not work.cancelled:
             await self.paint()

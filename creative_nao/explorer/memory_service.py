@@ -1,10 +1,4 @@
-"""One memory, asked for movements: what lies at a PB point or along a path, and what it is worth.
-
-Also here:
-- What a movement is worth, in words.
-- Which basic action a movement resembles when: a strip in the colours and letters of the map, and a sentence.
-- The eight joints over time as small multiples in one SVG: generated, nearest basic action, limits, overspeed.
-"""
+"""One memory behind the page: movements at PB points and paths, what they are worth, in words and as SVG."""
 
 from __future__ import annotations
 
@@ -17,6 +11,7 @@ import numpy as np
 
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.joints import JOINTS, LIMITS_RAD
+from creative_nao.maps import PBMap
 from creative_nao.maps.colours import action_colour, action_letter, rgb
 from creative_nao.measures import Attribution, Stretch, attribution, excursion_limit, excursions, score, speed_limits
 from creative_nao.measures.attribution import WINDOW_S
@@ -32,7 +27,7 @@ class Recall:
         points: Where in the PB space it comes from, shape (n, 2); a path has more than one point.
         trajectory: Joint angles [rad], shape (n_steps, 8).
         outcome: `learned`, `unlearned`, `fluctuating` or `non_moving`.
-        nearest: Place of the basic action most like it.
+        nearest: PageAddress of the basic action most like it.
         novelty: DTW distance to that one [rad].
         speeds: Speed of each joint between ticks [rad/s], shape (n_steps - 1, 8).
     """
@@ -55,7 +50,7 @@ class Recall:
         return self.outcome in APPROPRIATE
 
 
-class Mind:
+class MemoryService:
     """A memory behind a lock: worker threads of many browser tabs ask it one after the other.
 
     Args:
@@ -124,6 +119,50 @@ class Mind:
         )  # fmt: skip
 
 
+NEAR = 0.12
+"""How far `more_like` steps, as standard deviation in each PB unit."""
+FAR_SHARE = 0.9
+"""`less_like` draws from the farthest tenth."""
+
+
+def surprise(chart: PBMap, rng: np.random.Generator) -> np.ndarray:
+    """Return a random point whose movement is appropriate and new, shape (2,).
+
+    Raises:
+        SettingsError: If the map has no such point.
+    """
+    return _draw(chart, (chart.outcome == "unlearned").astype(float), rng)
+
+
+def more_like(chart: PBMap, liked: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return an appropriate point near one of those liked, shape (n, 2): a mutated child of one of them."""
+    parent = liked[rng.integers(len(liked))]
+    squared = ((chart.pb - parent) ** 2).sum(axis=1) / NEAR**2
+    return _draw(chart, np.where(squared > 1e-12, np.exp(-squared / 2), 0.0) * chart.appropriate, rng)
+
+
+def less_like(chart: PBMap, shunned: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return an appropriate point far from all of those shunned, shape (n, 2)."""
+    distance = np.min([((chart.pb - one) ** 2).sum(axis=1) for one in shunned], axis=0)
+    usable = np.flatnonzero(chart.appropriate)
+    weight = np.zeros(len(chart.pb))
+    if usable.size:
+        weight[usable] = distance[usable] >= np.quantile(distance[usable], FAR_SHARE)
+    return _draw(chart, weight, rng)
+
+
+def way(learned_pb: np.ndarray, first: int, last: int) -> np.ndarray:
+    """Return the path from one basic action's point to another's, shape (2, 2)."""
+    return np.array([learned_pb[first], learned_pb[last]])
+
+
+def _draw(chart: PBMap, weight: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    total = float(weight.sum())
+    if not total > 0:
+        raise SettingsError("this memory's map has no such movement")
+    return chart.pb[rng.choice(len(weight), p=weight / total)].copy()
+
+
 def as_coordinate(value: object, otherwise: float = 0.0) -> float:
     """Return a PB coordinate in [-1, 1] from anything a browser sends; what is no finite number gives `otherwise`."""
     try:
@@ -154,28 +193,28 @@ def spoken(name: str) -> str:
     return name.replace("_", " ")
 
 
-def describe(recall: Recall, mind: Mind, digits: int = 3) -> str:
+def describe(recall: Recall, service: MemoryService, digits: int = 3) -> str:
     """Return one sentence for the eye and for a screen reader; the PB has so many decimals."""
     where = f"PB {recall.pb[0]:.{digits}f}, {recall.pb[1]:.{digits}f}"
     if len(recall.points) > 1:
         where = f"path of {len(recall.points)} points to {where}"
-    letter, name = action_letter(recall.nearest), spoken(mind.names[recall.nearest])
+    letter, name = action_letter(recall.nearest), spoken(service.names[recall.nearest])
     verdict = "appropriate" if recall.appropriate else "inappropriate"
     text = f"{where}; {verdict}, {OUTCOME_WORDS[recall.outcome]}; nearest {letter} {name}; novelty {recall.novelty:.1f}"
-    why = reason(recall, mind)
+    why = reason(recall, service)
     return f"{text}; {why}" if why else text
 
 
-def reason(recall: Recall, mind: Mind) -> str:
+def reason(recall: Recall, service: MemoryService) -> str:
     """Return why a movement is inappropriate, with the figures, or an empty string."""
     if recall.outcome == "fluctuating":
-        excess = recall.speeds / mind.limit_rad_s
+        excess = recall.speeds / service.limit_rad_s
         tick, joint = np.unravel_index(int(excess.argmax()), excess.shape)
-        speed, seconds = recall.speeds[tick, joint], tick * mind.memory.dt_s
-        limit = mind.limit_rad_s[joint]
-        return f"{mind.memory.joints[joint]} reaches {speed:.1f} rad/s at {seconds:.2f} s, the limit is {limit:.1f}"
+        speed, seconds = recall.speeds[tick, joint], tick * service.memory.dt_s
+        limit = service.limit_rad_s[joint]
+        return f"{service.memory.joints[joint]} reaches {speed:.1f} rad/s at {seconds:.2f} s, the limit is {limit:.1f}"
     if recall.outcome == "non_moving":
-        limit = excursion_limit(mind.memory.demonstrations)
+        limit = excursion_limit(service.memory.demonstrations)
         travelled = float(excursions(recall.trajectory[None])[0])
         return f"the widest joint travels {travelled:.3f} rad, {limit:.3f} are needed"
     return ""
@@ -189,9 +228,9 @@ LETTER_PCT = 4.0
 """Narrowest stretch that has room for its letter, in percent of the strip."""
 
 
-def attribute(recall: Recall, mind: Mind) -> Attribution:
+def attribute(recall: Recall, service: MemoryService) -> Attribution:
     """Compare a movement with the basic actions; at a coarse tick the window is two ticks long."""
-    memory = mind.memory
+    memory = service.memory
     return attribution(recall.trajectory, memory.demonstrations, max(WINDOW_S, 2 * memory.dt_s))
 
 
@@ -203,11 +242,11 @@ def sentence(found: Attribution, names: tuple[str, ...]) -> str:
     return "Resembles " + ", then ".join(a + b for a, b in zip(parts, [*ends, ""], strict=True)) + "."
 
 
-def strip_html(recall: Recall, mind: Mind) -> str:
+def strip_html(recall: Recall, service: MemoryService) -> str:
     """Return the strip and its sentence as HTML; a cursor follows the CSS variable ``--robot-t``."""
-    found = attribute(recall, mind)
-    parts = "".join(_stretch(one, found, mind.names) for one in found.stretches())
-    text = html.escape(sentence(found, mind.names))
+    found = attribute(recall, service)
+    parts = "".join(_stretch(one, found, service.names) for one in found.stretches())
+    text = html.escape(sentence(found, service.names))
     return (
         f'<div class="cn-strip" aria-hidden="true">{parts}<i class="cn-strip-cursor"></i></div>'
         f'<div class="cn-legend cn-resembles">{text}</div>'
@@ -240,16 +279,16 @@ ORDER = (4, 5, 6, 7, 0, 1, 2, 3)
 LOW_RAD, HIGH_RAD = -2.2, 2.2
 
 
-def curves_svg(recall: Recall, mind: Mind) -> str:
+def curves_svg(recall: Recall, service: MemoryService) -> str:
     """Return the curves as one SVG a joint; colours follow the page, and a cursor the CSS variable ``--robot-t``."""
-    basic = mind.memory.demonstrations.trajectories[recall.nearest]
+    basic = service.memory.demonstrations.trajectories[recall.nearest]
     n_ticks = max(len(recall.trajectory), len(basic), 2)
     share = (len(recall.trajectory) - 1) / (n_ticks - 1)
     panels = []
     for joint in ORDER:
         parts = [frame(joint), polyline(basic[:, joint], n_ticks, "cn-basic")]
         parts.append(polyline(recall.trajectory[:, joint], n_ticks, "cn-made"))
-        fast = recall.speeds[:, joint] > mind.limit_rad_s[joint] * (1 + 1e-12)
+        fast = recall.speeds[:, joint] > service.limit_rad_s[joint] * (1 + 1e-12)
         parts += [_overspeed(recall.trajectory[t : t + 2, joint], int(t), n_ticks) for t in np.flatnonzero(fast)]
         shift = f"translateX(calc(var(--robot-t, 0) * {PANEL_W * share:.1f}px))"
         parts.append(f'<line class="cn-cursor" y2="{PANEL_H}" style="transform:{shift}"/>')
@@ -259,10 +298,10 @@ def curves_svg(recall: Recall, mind: Mind) -> str:
             f'aria-label="{JOINTS[joint]} over time{too_fast}"><g transform="translate({LEFT} {TOP})">'
             f"{''.join(parts)}</g></svg>"
         )
-    seconds = (n_ticks - 1) * mind.memory.dt_s
+    seconds = (n_ticks - 1) * service.memory.dt_s
     legend = (
         f"Angles in rad over {seconds:.2f} s. Solid: this movement; dashed: nearest basic action; dotted: limits; "
-        f"red: faster than {mind.limit_rad_s.max():.1f} rad/s."
+        f"red: faster than {service.limit_rad_s.max():.1f} rad/s."
     )
     return f'<div class="cn-curves">{"".join(panels)}</div><div class="cn-legend">{legend}</div>'
 

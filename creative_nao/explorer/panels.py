@@ -1,87 +1,32 @@
-"""The panels beside map and robot: discovering, exchanging, favourites.
-
-Also here:
-- Finding movements: a surprise, more or less like this one, and a way from one basic action to another.
-- A movement at a glance: its eight joints as tiny lines on the colour of the nearest basic action.
-- Movements into and out of the page: uploads are parsed in memory, downloads are made in a folder of our own.
-"""
+"""The panels beside map and robot: finding movements, import and export, favourites."""
 
 from __future__ import annotations
 
 import tempfile
 import weakref
 from base64 import b64encode
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING
 
 import numpy as np
 from nicegui import events, run, ui
 
-from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError
+from creative_nao.errors import CreativeNaoError, FileFormatError
 from creative_nao.exchange import FORMATS, Motion, Recording, recognise, write
 from creative_nao.exchange.keys import to_motion
 from creative_nao.explorer.map_pane import Mark
-from creative_nao.explorer.memory_service import Mind, Recall, spoken
+from creative_nao.explorer.memory_service import MemoryService, Recall, less_like, more_like, spoken, surprise, way
 from creative_nao.explorer.state import MAX_NOTE, Favourite
+from creative_nao.explorer.tab import Tab
 from creative_nao.joints import JOINTS
-from creative_nao.maps import PBMap
 from creative_nao.maps.colours import action_colour
-
-if TYPE_CHECKING:
-    from creative_nao.explorer.page import Tab
-
-
-NEAR = 0.12
-"""How far `more_like` steps, as standard deviation in each PB unit."""
-FAR_SHARE = 0.9
-"""`less_like` draws from the farthest tenth."""
-
-
-def surprise(chart: PBMap, rng: np.random.Generator) -> np.ndarray:
-    """Return a random point whose movement is appropriate and new, shape (2,).
-
-    Raises:
-        SettingsError: If the map has no such point.
-    """
-    return _draw(chart, (chart.outcome == "unlearned").astype(float), rng)
-
-
-def more_like(chart: PBMap, liked: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return an appropriate point near one of those liked, shape (n, 2): a mutated child of one of them."""
-    parent = liked[rng.integers(len(liked))]
-    squared = ((chart.pb - parent) ** 2).sum(axis=1) / NEAR**2
-    return _draw(chart, np.where(squared > 1e-12, np.exp(-squared / 2), 0.0) * chart.appropriate, rng)
-
-
-def less_like(chart: PBMap, shunned: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return an appropriate point far from all of those shunned, shape (n, 2)."""
-    distance = np.min([((chart.pb - one) ** 2).sum(axis=1) for one in shunned], axis=0)
-    usable = np.flatnonzero(chart.appropriate)
-    weight = np.zeros(len(chart.pb))
-    if usable.size:
-        weight[usable] = distance[usable] >= np.quantile(distance[usable], FAR_SHARE)
-    return _draw(chart, weight, rng)
-
-
-def way(learned_pb: np.ndarray, first: int, last: int) -> np.ndarray:
-    """Return the path from one basic action's point to another's, shape (2, 2)."""
-    return np.array([learned_pb[first], learned_pb[last]])
-
-
-def _draw(chart: PBMap, weight: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    total = float(weight.sum())
-    if not total > 0:
-        raise SettingsError("this memory's map has no such movement")
-    return chart.pb[rng.choice(len(weight), p=weight / total)].copy()
-
 
 WIDTH, HEIGHT = 96, 56
 
 
-def thumbnail(mind: Mind, points: Sequence[tuple[float, float]]) -> str:
+def thumbnail(service: MemoryService, points: Sequence[tuple[float, float]]) -> str:
     """Return an SVG picture as a data address."""
-    recall = mind.recall(np.array(points))
+    recall = service.recall(np.array(points))
     angles = recall.trajectory
     low, high = angles.min(), angles.max()
     y = HEIGHT - 4 - (angles - low) / max(high - low, 1e-9) * (HEIGHT - 8)
@@ -123,14 +68,14 @@ def read_upload(name: str, content: bytes, dt_s: float) -> Recording:
     return Recording(motion, format_name, notes)
 
 
-def export(recall: Recall, mind: Mind, format_name: str) -> tuple[str, bytes, tuple[str, ...]]:
+def export(recall: Recall, service: MemoryService, format_name: str) -> tuple[str, bytes, tuple[str, ...]]:
     """Return file name, content and changes of a movement in one of the exchange formats.
 
     A movement too fast or too wide is clipped and slowed down for formats that a robot plays, and kept otherwise.
     """
     one = FORMATS[format_name]
-    metadata = {"memory": mind.memory.name, "pb": [list(map(float, point)) for point in recall.points]}
-    motion = Motion(recall.trajectory, mind.memory.dt_s, JOINTS, metadata if one.holds_metadata else {})
+    metadata = {"memory": service.memory.name, "pb": [list(map(float, point)) for point in recall.points]}
+    motion = Motion(recall.trajectory, service.memory.dt_s, JOINTS, metadata if one.holds_metadata else {})
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"movement{one.endings[0]}"
         done = write(path, motion, format_name, unsafe="clip" if one.for_robots else "keep")
@@ -141,23 +86,23 @@ def discovery(tab: Tab) -> None:
     """Lay out the buttons that find movements."""
 
     async def show_surprise() -> None:
-        await tab.show(surprise(tab.exhibit.charting.chart, tab.rng)[None])
+        await tab.show(surprise(tab.app_state.progressive_map.chart, tab.rng)[None])
 
     async def more() -> None:
-        await tab.show(more_like(tab.exhibit.charting.chart, _liked(tab), tab.rng)[None])
+        await tab.show(more_like(tab.app_state.progressive_map.chart, _liked(tab), tab.rng)[None])
 
     async def less() -> None:
-        await tab.show(less_like(tab.exhibit.charting.chart, tab.points[-1:], tab.rng)[None])
+        await tab.show(less_like(tab.app_state.progressive_map.chart, tab.points[-1:], tab.rng)[None])
 
     async def walk() -> None:
-        await tab.show(way(tab.mind.memory.pb, int(start.value or 0), int(end.value or 0)))
+        await tab.show(way(tab.service.memory.pb, int(start.value or 0), int(end.value or 0)))
 
     with ui.row().classes("items-center gap-2"):
         for text, action in (
             ("Surprise me", show_surprise), ("More like this", more), ("Less like this", less), ("Back", tab.back),
         ):  # fmt: skip
             ui.button(text, on_click=action).props("dense no-caps outline")
-    names = {place: spoken(name) for place, name in enumerate(tab.mind.names)}
+    names = {place: spoken(name) for place, name in enumerate(tab.service.names)}
     with ui.row().classes("items-center gap-2"):
         start = ui.select(names, value=0, label="A path from").props("dense options-dense").classes("w-32")
         end = ui.select(names, value=len(names) - 1, label="to").props("dense options-dense").classes("w-32")
@@ -165,7 +110,7 @@ def discovery(tab: Tab) -> None:
 
 
 def _liked(tab: Tab) -> np.ndarray:
-    kept = [one.points[-1] for one in tab.exhibit.session.favourites(tab.key)]
+    kept = [one.points[-1] for one in tab.app_state.session.favourites(tab.key)]
     return np.array([tuple(tab.points[-1]), *kept[-3:]])
 
 
@@ -176,7 +121,7 @@ def exchange(tab: Tab) -> None:
         if tab.recall is None:
             return
         try:
-            made = await run.io_bound(export, tab.recall, tab.mind, format_name)
+            made = await run.io_bound(export, tab.recall, tab.service, format_name)
         except CreativeNaoError as error:
             ui.notify(str(error), type="negative")
             return
@@ -212,11 +157,11 @@ def exchange(tab: Tab) -> None:
 
 
 async def _recognise(tab: Tab, name: str, content: bytes) -> None:
-    recording = await run.io_bound(read_upload, name, content, tab.mind.memory.dt_s)
+    recording = await run.io_bound(read_upload, name, content, tab.service.memory.dt_s)
     if recording is None:
         return
     tab.status.text = "Recognising the recording ..."
-    found = await run.io_bound(tab.mind.recognise, recording.motion.angles)
+    found = await run.io_bound(tab.service.recognise, recording.motion.angles)
     if found is None:
         return
     point, distance, recall = found
@@ -227,53 +172,34 @@ async def _recognise(tab: Tab, name: str, content: bytes) -> None:
     tab.status.text = f"Recording, recognised at R with DTW {distance:.2f} rad left. {tab.status.text}"
 
 
-def keep(tab: Tab, note: str = "") -> None:
-    """Keep the movement shown as a favourite."""
-    if tab.recall is not None:
-        points = tuple((float(x), float(y)) for x, y in tab.points)
-        beside = tab.sides[1].subject.name if len(tab.sides) > 1 else ""
-        _changed(tab, tab.exhibit.session.add, Favourite(tab.key, points, note[:MAX_NOTE], beside))
-
-
-def _changed(tab: Tab, change: Callable[[Favourite], None], favourite: Favourite) -> bool:
-    """Change the favourites and show them; tell the user when they cannot be written."""
-    try:
-        change(favourite)
-    except (OSError, CreativeNaoError) as error:
-        ui.notify(f"The favourites stay as they were: {error}", type="negative")
-        return False
-    tab.refresh_favourites()
-    return True
-
-
 def favourites(tab: Tab) -> None:
     """Lay out the favourites; a removed one can be kept again at once."""
 
     def forget(favourite: Favourite) -> None:
-        if _changed(tab, tab.exhibit.session.remove, favourite):
+        if tab.change_favourites(tab.app_state.session.remove, favourite):
             undo.set_visibility(True)
             forgotten.append(favourite)
 
     def restore() -> None:
-        if forgotten and _changed(tab, tab.exhibit.session.add, forgotten[-1]):
+        if forgotten and tab.change_favourites(tab.app_state.session.add, forgotten[-1]):
             forgotten.pop()
         undo.set_visibility(bool(forgotten))
 
     def add() -> None:
-        keep(tab, note.value or "")
+        tab.keep_favourite(note.value or "")
         note.value = ""
 
     async def recall(favourite: Favourite) -> None:
         await tab.show(np.array(favourite.points))
-        if favourite.beside in tab.exhibit.shelf.names and favourite.beside != tab.beside:
+        if favourite.beside in tab.app_state.registry.names and favourite.beside != tab.beside:
             tab.go_beside(favourite.beside)
 
     def listed() -> None:
-        shelf.clear()
-        with shelf:
-            for favourite in tab.exhibit.session.favourites(tab.key)[-24:]:
+        cards.clear()
+        with cards:
+            for favourite in tab.app_state.session.favourites(tab.key)[-24:]:
                 with ui.card().classes("p-1 gap-0 items-center"):
-                    picture = ui.image(thumbnail(tab.mind, favourite.points)).classes("w-24 h-14 cursor-pointer")
+                    picture = ui.image(thumbnail(tab.service, favourite.points)).classes("w-24 h-14 cursor-pointer")
                     picture.props('tabindex=0 role=button aria-label="Recall a favourite"').on(
                         "click", lambda _, one=favourite: recall(one)
                     ).on("keydown.enter", lambda _, one=favourite: recall(one))
@@ -288,6 +214,6 @@ def favourites(tab: Tab) -> None:
         ui.button("Keep as favourite", on_click=add).props("dense no-caps outline")
         undo = ui.button("Undo removal", on_click=restore).props("dense no-caps flat")
         undo.set_visibility(False)
-    shelf = ui.row().classes("gap-2")  # no `ui.refreshable`: it would hold the last tab for ever
+    cards = ui.row().classes("gap-2")  # no `ui.refreshable`: it would hold the last tab for ever
     tab.refresh_favourites = listed
     listed()

@@ -1,9 +1,4 @@
-"""The robot of `creative_nao.robot` as JSON for the browser: a tree of shapes, and performances as clips.
-
-Also here:
-- Where an imagined movement meets the body: the robot of the page, and its performances in physics.
-- The robot of a page: its scene, and the controls of the one player that everything moving follows.
-"""
+"""The robot of the page: its shapes as JSON for the browser, its performances in physics, the player."""
 
 from __future__ import annotations
 
@@ -34,7 +29,7 @@ SHAPES = {
 }
 
 
-class Body:
+class BrowserRobot:
     """The robot in its ring, standing in the guard before the bag.
 
     Attributes:
@@ -147,11 +142,11 @@ def _rounded(values: np.ndarray, digits: int = 6) -> list[float]:
     return np.round(np.asarray(values, dtype=np.float64), digits).tolist()
 
 
-class Stage:
+class PhysicsService:
     """One robot for all tabs; performances happen one after the other."""
 
     def __init__(self) -> None:
-        self.body = Body()
+        self.robot = BrowserRobot()
         self._lock = threading.Lock()
         self._performer: Performer | None = None
 
@@ -167,9 +162,9 @@ class Stage:
         """
         with self._lock:
             if self._performer is None:
-                self._performer = Performer(self.body.scene)
+                self._performer = Performer(self.robot.scene)
             performance = self._performer.perform(trajectory, dt_s, keep_frames=True)
-            clip = self.body.clip(performance)
+            clip = self.robot.clip(performance)
         failure = first_failure(performance)
         hits = performance.hits
         felt = (
@@ -193,7 +188,7 @@ class RobotView(Object3D, component=STATIC / "robot.js"):
         self.run_method("perform", movement, ghost)
 
 
-def robot_scene(body: Body, replay: Callable[[], object], label: str) -> RobotView:
+def robot_scene(body: BrowserRobot, replay: Callable[[], object], label: str) -> RobotView:
     """Lay out a scene with the robot; `replay` is called when it is ready, and again when the browser lost it."""
     with ui.element("div").classes("cn-scene"):
         ui.label("The robot needs WebGL. Without it, the sentence and the curves below still tell all.").classes(

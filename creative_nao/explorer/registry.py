@@ -1,11 +1,4 @@
-"""The scored map of a memory, computed once and kept in the user's cache folder under its content.
-
-Also here:
-- A map that is there at once: coarse first, fine when it has been computed beside.
-- A physical map for the page: read from a file, if it is one of the memory shown.
-- A memory that the page shows, with all that is known of it: its map, its numbers, what the body makes of it.
-- The memories that the page can show: those it was started with, and those that ship with the package.
-"""
+"""The memories that the page can show, each with its map, its measures and its physical map."""
 
 from __future__ import annotations
 
@@ -22,7 +15,7 @@ from creative_nao import __version__
 from creative_nao.envs.physical_map import PhysicalMap, fingerprint
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
 from creative_nao.explorer.colours import Measurements
-from creative_nao.explorer.memory_service import Mind
+from creative_nao.explorer.memory_service import MemoryService
 from creative_nao.maps import PAPER_RESOLUTION, PBMap, pb_map
 from creative_nao.model import Memory, load_memory, shipped_memories
 
@@ -88,7 +81,7 @@ def cached_map(memory: Memory, resolution: int = PAPER_RESOLUTION) -> PBMap:
 COARSE = 40
 
 
-class Charting:
+class ProgressiveMap:
     """The best map of a memory so far.
 
     Args:
@@ -164,7 +157,7 @@ def _settings(chart: PhysicalMap) -> dict[str, object]:
     return found if isinstance(found, dict) else {}
 
 
-class Subject:
+class LoadedMemory:
     """One memory, shared by all tabs that show it.
 
     Args:
@@ -175,8 +168,8 @@ class Subject:
     Attributes:
         name: What the page calls it: a shipped name, or the path it was given by.
         key: Its content hash.
-        mind: Asked for movements.
-        charting: Its map of the whole PB space.
+        service: Asked for movements.
+        progressive_map: Its map of the whole PB space.
         measurements: The numbers of the map in its colourings.
         physical: Its physical map, or None.
     """
@@ -184,8 +177,8 @@ class Subject:
     def __init__(self, memory: Memory, resolution: int = PAPER_RESOLUTION, physical: PhysicalMap | None = None) -> None:
         self.name = memory.name
         self.key = content_hash(memory)
-        self.mind = Mind(memory)
-        self.charting = Charting(memory, resolution)
+        self.service = MemoryService(memory)
+        self.progressive_map = ProgressiveMap(memory, resolution)
         self.measurements = Measurements(memory)
         self.physical = physical
 
@@ -194,7 +187,7 @@ NONE = "none"
 """What an address says when there shall be no second memory."""
 
 
-class Shelf:
+class MemoryRegistry:
     """Memories by name, each loaded when it is first asked for and then shared by all tabs.
 
     Args:
@@ -213,13 +206,13 @@ class Shelf:
     ) -> None:
         self._resolution, self._physical = resolution, tuple(physical)
         self._lock = threading.Lock()
-        self._subjects = {memory.name: self._subject(memory) for memory in memories}
-        started = list(self._subjects)
-        self.first = self._subjects[started[0]]
+        self._loaded = {memory.name: self._load(memory) for memory in memories}
+        started = list(self._loaded)
+        self.first = self._loaded[started[0]]
         self.beside = started[1] if len(started) > 1 else ""
         self.names = tuple(dict.fromkeys([*started, *shipped_memories()]))
 
-    def get(self, name: str) -> Subject:
+    def get(self, name: str) -> LoadedMemory:
         """Return a memory, loaded now if it was not asked for before; its fine map is then computed beside.
 
         Raises:
@@ -228,15 +221,15 @@ class Shelf:
         if name not in self.names:
             raise NotFoundError(f"no memory `{name:.60}` here{nearest_name(name, self.names)}")
         with self._lock:
-            if name not in self._subjects:
-                self._subjects[name] = self._subject(load_memory(name))
-                self._subjects[name].charting.start()
-            return self._subjects[name]
+            if name not in self._loaded:
+                self._loaded[name] = self._load(load_memory(name))
+                self._loaded[name].progressive_map.start()
+            return self._loaded[name]
 
     def start(self) -> None:
         """Compute the fine maps of the memories that the page was started with."""
-        for subject in self._subjects.values():
-            subject.charting.start()
+        for loaded in self._loaded.values():
+            loaded.progressive_map.start()
 
-    def _subject(self, memory: Memory) -> Subject:
-        return Subject(memory, self._resolution, physical_map_of(memory, self._physical))
+    def _load(self, memory: Memory) -> LoadedMemory:
+        return LoadedMemory(memory, self._resolution, physical_map_of(memory, self._physical))

@@ -1,10 +1,4 @@
-"""Serving the explorer: one memory, this machine only unless told otherwise.
-
-Also here:
-- Pages are built in turn: with many asked for at once, the first is there first and open tabs are not kept waiting.
-- Keeps strangers out: a page on this machine answers only to this machine.
-- What the server keeps for each open tab, and its end: nothing of a tab outlives its browser's.
-"""
+"""Serving the explorer on this machine: who may ask, few page builds at a time, and what ends with a tab."""
 
 from __future__ import annotations
 
@@ -19,16 +13,17 @@ from urllib.parse import urlsplit
 from nicegui import app, run, ui
 
 from creative_nao.errors import SettingsError
-from creative_nao.explorer.page import Exhibit, Tab
-from creative_nao.explorer.state import place_of
+from creative_nao.explorer.page import build_page
+from creative_nao.explorer.state import page_address
+from creative_nao.explorer.tab import AppState, Tab
 from creative_nao.explorer.teach_page import TeachTab
-from creative_nao.explorer.teach_training import School
+from creative_nao.explorer.teach_training import TrainingSessions
 
 AT_ONCE = 2
 """One page that waits for a second memory to be loaded shall not keep all others waiting."""
 
 
-class InTurn:
+class ConcurrencyLimit:
     """ASGI middleware that lets few requests for pages in at a time, in the order in which they came.
 
     Building a page takes 0.1 s in which nothing else is answered. Pages let in together finish together, the first as
@@ -103,7 +98,7 @@ MAX_TABS = 200
 """More are refused: each holds a page's worth of state."""
 
 
-class Kept(Protocol):
+class Closable(Protocol):
     """What belongs to one tab."""
 
     def close(self) -> None:
@@ -115,12 +110,12 @@ class Tabs:
     """The open tabs of one server."""
 
     def __init__(self) -> None:
-        self._kept: dict[str, Kept] = {}
+        self._kept: dict[str, Closable] = {}
 
     def __len__(self) -> int:
         return len(self._kept)
 
-    def admits(self, kept: Kept, *ends: Callable[[], object]) -> bool:
+    def admits(self, kept: Closable, *ends: Callable[[], object]) -> bool:
         """Keep what belongs to the tab being built until it goes, then call `ends`; too many are told so instead."""
         if len(self._kept) >= MAX_TABS:
             for end in ends:
@@ -150,30 +145,30 @@ ANSWER_S = 60.0
 """How long a page may take to be built: a second memory has to be loaded and its coarse map made."""
 
 
-def mount(started: Exhibit) -> Tabs:
+def mount(started: AppState) -> Tabs:
     """Register the page and return the register of its open tabs. Importing registers nothing."""
-    tabs, school = Tabs(), School()
+    tabs, sessions = Tabs(), TrainingSessions()
 
     @ui.page(PAGES[0], response_timeout=ANSWER_S)
     async def page(
         x: str = "0", y: str = "0", path: str = "", beside: str = "", view: str = "", colour: str = "", taught: str = ""
     ) -> None:
-        desk = school.hold(taught)
-        exhibit = started if desk is None or desk.exhibit is None else desk.exhibit
-        place = place_of(x, y, path, beside, view, colour)
-        second = place.beside or exhibit.shelf.beside
-        wanted = second in exhibit.shelf.names and second != exhibit.shelf.first.name
-        tab = Tab(exhibit, place, await run.io_bound(exhibit.shelf.get, second) if wanted else None)
-        if not tabs.admits(tab, lambda: school.let_go(taught)):
+        session = sessions.hold(taught)
+        app_state = started if session is None or session.app_state is None else session.app_state
+        place = page_address(x, y, path, beside, view, colour)
+        second = place.beside or app_state.registry.beside
+        wanted = second in app_state.registry.names and second != app_state.registry.first.name
+        tab = Tab(app_state, place, await run.io_bound(app_state.registry.get, second) if wanted else None)
+        if not tabs.admits(tab, lambda: sessions.release(taught)):
             return
-        if taught and exhibit is started:
+        if taught and app_state is started:
             ui.notify("The memory taught in the page is gone; this is the server's own.", type="warning")
-        tab.build()
+        build_page(tab)
         ui.timer(0, tab.open, once=True)
 
     @ui.page(PAGES[1], title="Teach the robot")
     def teach(taught: str = "") -> None:
-        tab = TeachTab(started, school, taught)
+        tab = TeachTab(started, sessions, taught)
         if not tabs.admits(tab):
             return
         tab.build()
@@ -198,20 +193,20 @@ def claim_port(host: str, port: int) -> None:
         raise SettingsError(f"port {port} on {host} cannot be used: {reason}; choose another with --port") from error
 
 
-def serve(exhibit: Exhibit, *, host: str, port: int, show: bool) -> None:
+def serve(app_state: AppState, *, host: str, port: int, show: bool) -> None:
     """Serve until Ctrl-C.
 
     Args:
-        exhibit: What to show.
+        app_state: What to show.
         host: Address to listen on; only with another than 127.0.0.1 can other machines reach the page.
         port: Port to listen on.
         show: Open the page in the user's browser.
     """
-    mount(exhibit)
-    app.add_middleware(InTurn, paths=PAGES)
+    mount(app_state)
+    app.add_middleware(ConcurrencyLimit, paths=PAGES)
     if host in LOCAL_HOSTS:
         app.add_middleware(LocalOnly)
-    exhibit.shelf.start()
+    app_state.registry.start()
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(
             host=host, port=port, show=show, reload=False, show_welcome_message=False, title="Memory explorer",

@@ -1,8 +1,4 @@
-"""What a tab shows, as the address of the page: shared, bookmarked or reloaded, it shows the same again.
-
-Also here:
-- Favourites in a file that outlives the server: JSON, replaced in one step, checked when read.
-"""
+"""What a tab shows, as the address of the page; and the favourites, in a file that outlives the server."""
 
 from __future__ import annotations
 
@@ -27,7 +23,7 @@ from creative_nao.storage import as_json, read_text
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class PageAddress:
     """Where a tab is.
 
     Attributes:
@@ -35,7 +31,7 @@ class Place:
         beside: Name of the second memory, or empty.
         view: Window of the map; None is the whole map.
         colour: What the colours of the map tell.
-        taught: Name of the apprentice whose memory is the first one, or empty.
+        taught: Name of the trainer whose memory is the first one, or empty.
     """
 
     points: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
@@ -61,13 +57,13 @@ class Place:
         return "/?" + "&".join(parts)
 
 
-def place_of(
+def page_address(
     x: str = "0", y: str = "0", path: str = "", beside: str = "", view: str = "", colour: str = NEAREST
-) -> Place:
+) -> PageAddress:
     """Return the place that an address asks for; what cannot be read is as if it was not there."""
     pairs = [pair.split(",") for pair in path.split("_")[:MAX_POINTS]] if path else []
     points = [[as_coordinate(pair[0]), as_coordinate(pair[1])] for pair in pairs if len(pair) == 2]
-    return Place(
+    return PageAddress(
         np.array(points if points else [[as_coordinate(x), as_coordinate(y)]]),
         beside,
         _view_of(view),

@@ -1,8 +1,4 @@
-"""The explorer as one file without a server: the network itself runs in the page, from the memory's weights.
-
-Also here:
-- Every colouring of a map for a page without a server: a byte and a palette for each cell, and the hatching above.
-"""
+"""The explorer as one file without a server: the network itself runs in the page, from the memory's weights."""
 
 from __future__ import annotations
 
@@ -28,8 +24,8 @@ from creative_nao.explorer.colours import (
     PATTERNS,
     STRENGTH,
     Chart,
+    Computation,
     Scale,
-    Work,
     cell_colours,
     figure_of_body,
     is_number,
@@ -40,8 +36,8 @@ from creative_nao.explorer.colours import (
     spans,
 )
 from creative_nao.explorer.map_pane import borders
-from creative_nao.explorer.memory_service import ORDER, Mind, spoken
-from creative_nao.explorer.physics_service import Body
+from creative_nao.explorer.memory_service import ORDER, MemoryService, spoken
+from creative_nao.explorer.physics_service import BrowserRobot
 from creative_nao.explorer.registry import cached_map
 from creative_nao.explorer.view import SIZE, View
 from creative_nao.joints import LIMITS_RAD
@@ -66,7 +62,7 @@ def colour_sheets(memory: Memory, chart: PBMap, physical: PhysicalMap | None = N
     Returns:
         `levels`: the steps of a scale. `textures`: pictures of hatching and borders as data addresses, to lie over the
         cells, one a map. `sheets`: for each colouring its `name` and `text`, which of the `textures` belongs to it, `n`
-        cells along a side, `plane` (a byte a cell, row 0 at the lowest PB 2, each but the first of a row less the one
+        cells along a panel, `plane` (a byte a cell, row 0 at the lowest PB 2, each but the first of a row less the one
         before it, deflated), `palette` (red, green and blue of each byte), `legend` (HTML), and for a number `label`,
         `low` and `high`.
     """
@@ -87,7 +83,7 @@ def colour_sheets(memory: Memory, chart: PBMap, physical: PhysicalMap | None = N
 def _values(memory: Memory, chart: Chart, name: str) -> np.ndarray:
     if isinstance(chart, PhysicalMap):
         return figure_of_body(chart, name)
-    values = measured(memory, chart, name, chart, Work())
+    values = measured(memory, chart, name, chart, Computation())
     assert values is not None  # nobody calls this work off
     return values
 
@@ -164,10 +160,10 @@ def write_page(
         SettingsError: If the memory has other joints or another number of PB units.
         MissingDependencyError: If the 3-D library of the extra `explore` is not there.
     """
-    mind = Mind(memory)
+    service = MemoryService(memory)
     data = {
-        "memory": memory_data(mind),
-        "robot": Body().description(),
+        "memory": memory_data(service),
+        "robot": BrowserRobot().description(),
         "colours": colour_sheets(memory, cached_map(memory, resolution), physical),
     }
     page = Template((STATIC / "alone.html").read_text(encoding="utf-8")).substitute(
@@ -180,14 +176,14 @@ def write_page(
     return storage.write_text(target, page)
 
 
-def memory_data(mind: Mind) -> dict[str, Any]:
+def memory_data(service: MemoryService) -> dict[str, Any]:
     """Return what the page needs of a memory: weights, code, basic actions and thresholds; JSON values."""
-    memory = mind.memory
+    memory = service.memory
     network = memory.network
     first = memory.demonstrations.initial_posture
     rates = 1 / np.repeat(np.array(network.time_constants, np.float32), network.layer_sizes)
     return {
-        "names": [spoken(name) for name in mind.names],
+        "names": [spoken(name) for name in service.names],
         "joints": list(memory.joints),
         "order": list(ORDER),
         "dt": memory.dt_s,
@@ -202,7 +198,7 @@ def memory_data(mind: Mind) -> dict[str, Any]:
         "firstPosture": np.asarray(first).tolist(),
         "firstCode": _packed(memory.encoding.encode(first)),
         "limits": [list(LIMITS_RAD[joint]) for joint in memory.joints],
-        "speedLimit": mind.limit_rad_s.tolist(),
+        "speedLimit": service.limit_rad_s.tolist(),
         "travelLimit": excursion_limit(memory.demonstrations),
         "learnedThreshold": Criteria().learned_threshold,
     }

@@ -1,8 +1,4 @@
-"""The teaching page of one tab: demonstrations by sliders and keys, a memory trained from them, a map that grows.
-
-Also here:
-- The editor of the teaching page: the list of demonstrations, the keys of one, and a slider for each joint.
-"""
+"""The teaching page of one tab: demonstrations by sliders and keys, and the memory trained from them."""
 
 from __future__ import annotations
 
@@ -21,7 +17,7 @@ from creative_nao.explorer.keyframe_editor import (
     MAX_DURATION_S,
     MAX_TEXT,
     Draft,
-    Notebook,
+    KeyframeSet,
     blank,
     boxing,
     draft_svg,
@@ -29,9 +25,9 @@ from creative_nao.explorer.keyframe_editor import (
     shortcomings,
 )
 from creative_nao.explorer.memory_service import spoken
-from creative_nao.explorer.page import Exhibit
 from creative_nao.explorer.physics_service import angles_message, player_controls, robot_scene
-from creative_nao.explorer.teach_training import School, TrainingPanel
+from creative_nao.explorer.tab import AppState
+from creative_nao.explorer.teach_training import TrainingPanel, TrainingSessions
 from creative_nao.joints import JOINTS, limits
 from creative_nao.maps.colours import action_colour, action_letter
 
@@ -52,7 +48,7 @@ class Editor:
         tab = self.tab
         with ui.row().classes("items-center gap-2"):
             _button("Boxing set", lambda: self._start(boxing()))
-            _button("Empty set", lambda: self._start(Notebook((blank(),))))
+            _button("Empty set", lambda: self._start(KeyframeSet((blank(),))))
             _button("Add", self._add)
             _button("Add mirror image", self._mirror)
             _button("Remove", self._remove)
@@ -87,11 +83,11 @@ class Editor:
                         self.sliders[joint] = slider
 
     def refresh(self) -> None:
-        """Show the notebook as it is now."""
+        """Show the keyframes as it is now."""
         tab = self.tab
         self.list.clear()
         with self.list:
-            for place, draft in enumerate(tab.notebook.drafts):
+            for place, draft in enumerate(tab.keyframes.drafts):
                 mark = " - has a fault" if fault(draft) else ""
                 chosen = place == tab.place
                 button = ui.button(f"{action_letter(place)} {spoken(draft.name)}{mark}")
@@ -150,26 +146,26 @@ class Editor:
         self.tab.key = min(max(key, 0), len(self.tab.draft.keys) - 1)
         self.tab.settle()
 
-    def _start(self, notebook: Notebook) -> None:
-        self.tab.change(notebook, 0, 0)
+    def _start(self, keyframes: KeyframeSet) -> None:
+        self.tab.change(keyframes, 0, 0)
         self.tab.settle()
 
     def _add(self) -> None:
-        tab, n = self.tab, len(self.tab.notebook.drafts)
+        tab, n = self.tab, len(self.tab.keyframes.drafts)
         wish = "my_move" if n < MAX_DRAFTS else "one_more"
-        self._try(lambda: tab.change(tab.notebook.with_draft(n, blank(tab.notebook.free_name(wish))), n, 1))
+        self._try(lambda: tab.change(tab.keyframes.with_draft(n, blank(tab.keyframes.free_name(wish))), n, 1))
 
     def _mirror(self) -> None:
-        tab, n = self.tab, len(self.tab.notebook.drafts)
-        name = tab.notebook.free_name(_other_side(tab.draft.name))
-        self._try(lambda: tab.change(tab.notebook.with_draft(n, tab.draft.mirrored(name)), n, 0))
+        tab, n = self.tab, len(self.tab.keyframes.drafts)
+        name = tab.keyframes.free_name(_other_side(tab.draft.name))
+        self._try(lambda: tab.change(tab.keyframes.with_draft(n, tab.draft.mirrored(name)), n, 0))
 
     def _remove(self) -> None:
         tab = self.tab
-        if len(tab.notebook.drafts) == 1:
+        if len(tab.keyframes.drafts) == 1:
             ui.notify("One demonstration has to stay; start anew with the empty set.")
             return
-        tab.change(tab.notebook.without(tab.place), max(tab.place - 1, 0), 0)
+        tab.change(tab.keyframes.without(tab.place), max(tab.place - 1, 0), 0)
         tab.settle()
 
     def _rename(self, event: events.GenericEventArguments) -> None:
@@ -219,24 +215,24 @@ _KEPT_AS = "creative-nao-notebook"
 
 
 class TeachTab:
-    """One tab that teaches. The notebook lives here and in the browser's own store of the tab, nowhere else.
+    """One tab that teaches. The keyframes lives here and in the browser's own store of the tab, nowhere else.
 
     Args:
-        exhibit: What this server shows; its robot is taught.
-        school: Where the apprentices of this server learn.
-        taught: Name of an apprentice to go on with, or empty.
+        app_state: What this server shows; its robot is taught.
+        sessions: Where the trainers of this server learn.
+        taught: Name of an trainer to go on with, or empty.
     """
 
-    def __init__(self, exhibit: Exhibit, school: School, taught: str = "") -> None:
-        self.stage = exhibit.stage
-        self.notebook = boxing()
+    def __init__(self, app_state: AppState, sessions: TrainingSessions, taught: str = "") -> None:
+        self.physics_service = app_state.physics_service
+        self.keyframes = boxing()
         self.place = 0
         """Which draft is shown."""
         self.key = 0
         """Which of its keys."""
-        self._trail: list[tuple[Notebook, int, int]] = []
+        self._trail: list[tuple[KeyframeSet, int, int]] = []
         self._merged: object = None
-        self.training = TrainingPanel(self, exhibit, school, taught)
+        self.training = TrainingPanel(self, app_state, sessions, taught)
         self.editor = Editor(self)
         self.closed = False
         self._opened = False
@@ -244,10 +240,10 @@ class TeachTab:
     @property
     def draft(self) -> Draft:
         """The draft that is shown."""
-        return self.notebook.drafts[self.place]
+        return self.keyframes.drafts[self.place]
 
     def close(self) -> None:
-        """Let go of what the tab holds; an apprentice that no other tab holds is stopped."""
+        """Let go of what the tab holds; an trainer that no other tab holds is stopped."""
         self.closed = True
         self._trail.clear()
         self.training.close()
@@ -276,7 +272,9 @@ class TeachTab:
 
     def _build_robot(self) -> None:
         self.robot = robot_scene(
-            self.stage.body, self.pose, "The robot in the posture of the key, or performing the demonstration"
+            self.physics_service.robot,
+            self.pose,
+            "The robot in the posture of the key, or performing the demonstration",
         )
         with ui.row().classes("w-full items-center gap-2"):
             ui.button("Preview", on_click=self.preview).props("dense no-caps")
@@ -286,48 +284,48 @@ class TeachTab:
         self.curves = ui.html("", sanitize=False).classes("w-full")  # numbers and fixed names only
 
     async def open(self) -> None:
-        """Take up the notebook that the browser kept for this tab."""
+        """Take up the keyframes that the browser kept for this tab."""
         kept = await ui.run_javascript(f"sessionStorage.getItem('{_KEPT_AS}')", timeout=20)
         self._opened = True  # only now may what the browser keeps be replaced
         if not kept or self.closed:
             return
         try:
-            self.notebook = Notebook.from_text(kept)
+            self.keyframes = KeyframeSet.from_text(kept)
         except CreativeNaoError as error:
             ui.notify(f"The demonstrations kept by this tab cannot be read: {error}", type="negative")
         self.place = self.key = 0
         self.settle()
 
     def change(
-        self, notebook: Notebook, place: int | None = None, key: int | None = None, merged: object = None
+        self, keyframes: KeyframeSet, place: int | None = None, key: int | None = None, merged: object = None
     ) -> None:
-        """Take up a changed notebook; steps with the same `merged` are undone together."""
+        """Take up a changed keyframes; steps with the same `merged` are undone together."""
         if merged is None or merged != self._merged:
-            self._trail = [*self._trail, (self.notebook, self.place, self.key)][-MAX_UNDO:]
+            self._trail = [*self._trail, (self.keyframes, self.place, self.key)][-MAX_UNDO:]
         self._merged = merged
-        self.notebook = notebook
-        self.place = min(self.place if place is None else place, len(notebook.drafts) - 1)
+        self.keyframes = keyframes
+        self.place = min(self.place if place is None else place, len(keyframes.drafts) - 1)
         self.key = min(self.key if key is None else key, len(self.draft.keys) - 1)
 
     def change_draft(self, draft: Draft, key: int | None = None, merged: object = None) -> None:
         """Take up a change of the draft that is shown."""
-        self.change(self.notebook.with_draft(self.place, draft), None, key, merged)
+        self.change(self.keyframes.with_draft(self.place, draft), None, key, merged)
 
     def undo(self) -> None:
         """Go one step back."""
         if self._trail:
-            self.notebook, self.place, self.key = self._trail.pop()
+            self.keyframes, self.place, self.key = self._trail.pop()
             self._merged = None
             self.settle()
 
     def settle(self) -> None:
-        """Show everything anew after a change, and let the browser keep the notebook."""
+        """Show everything anew after a change, and let the browser keep the keyframes."""
         self.editor.refresh()
         self.pose()
         self.tell()
         self.curves.content = draft_svg(self.draft, self.key)
-        self.training.notebook_changed()
-        text = self.notebook.to_text()
+        self.training.keyframes_changed()
+        text = self.keyframes.to_text()
         if self._opened and len(text) <= MAX_TEXT:
             ui.run_javascript(f"sessionStorage.setItem('{_KEPT_AS}', {json.dumps(text)})")
 
@@ -342,14 +340,14 @@ class TeachTab:
 
     async def perform(self) -> None:
         """Let the robot perform the demonstration in physics, before the bag."""
-        done = await run.io_bound(self.stage.perform, self.draft.trajectory(), DT_S)
+        done = await run.io_bound(self.physics_service.perform, self.draft.trajectory(), DT_S)
         if done is not None and not self.closed:
             self.robot.perform(done[0])
             self.status.text = f"In physics: {done[1]}."
 
     def tell(self) -> None:
         """Say whether what is shown, and the whole set, can be taught."""
-        found = fault(self.draft) or next(iter(shortcomings(self.notebook)), None)
-        count = len(self.notebook.drafts)
+        found = fault(self.draft) or next(iter(shortcomings(self.keyframes)), None)
+        count = len(self.keyframes.drafts)
         self.status.text = found or f"{count} demonstrations, all fit to be taught."
         self.status.classes(add="cn-fault" if found else "", remove="" if found else "cn-fault")

@@ -1,9 +1,4 @@
-"""The training part of the teaching page: train, watch the loss fall and the map grow, explore, download.
-
-Also here:
-- One network that learns beside the page, in a thread of its own: watched, stopped between epochs, gone on with.
-- The apprentices of one server, under names that cannot be guessed, each as long as a tab holds it.
-"""
+"""The training part of the teaching page: networks that train in threads, watched and stopped from tabs."""
 
 from __future__ import annotations
 
@@ -15,17 +10,17 @@ import threading
 import time
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from nicegui import run, ui
 
 from creative_nao.demonstrations import Demonstrations, save_demonstrations
 from creative_nao.errors import CreativeNaoError, SettingsError
-from creative_nao.explorer.keyframe_editor import advice, grown_map, loss_svg, shortcomings
+from creative_nao.explorer.keyframe_editor import KeyframeSet, advice, grown_map, loss_svg, shortcomings
 from creative_nao.explorer.memory_service import spoken
-from creative_nao.explorer.page import Exhibit
-from creative_nao.explorer.registry import Shelf
+from creative_nao.explorer.registry import MemoryRegistry
+from creative_nao.explorer.tab import AppState
 from creative_nao.maps import PBMap, pb_map
 from creative_nao.maps.colours import action_letter
 from creative_nao.measures import Criteria
@@ -35,12 +30,8 @@ from creative_nao.model.multi_seed import reproduction
 from creative_nao.model.training import TrainingState, memory_at, train_network
 from creative_nao.runtime import usable_cores
 
-if TYPE_CHECKING:
-    from creative_nao.explorer.teach_page import TeachTab
-
-
 MAX_EPOCHS = 300_000
-"""Where an apprentice has learned enough, however often it goes on."""
+"""Where an trainer has learned enough, however often it goes on."""
 LOOK_S = 0.4
 """Shortest time between two looks at what is learned so far."""
 CURVE_POINTS = 240
@@ -48,15 +39,15 @@ MADE_BY = "taught in the explorer's page"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Look:
-    """How far an apprentice is.
+class TrainingProgress:
+    """How far an trainer is.
 
     Attributes:
         phase: `idle`, `waiting` for others to finish, `learning`, `stopped`, `finished` or `failed`.
         n_epochs: Where it will stop.
         epoch: Epochs done.
         curve: Epoch and loss, shape (n, 2).
-        memory: What it has learned so far, None before the first look.
+        memory: What it has learned so far, None before the first progress.
         failure: Why it failed, one line, or empty.
         epochs_per_s: Its pace since it was last started, 0 if unknown.
     """
@@ -75,30 +66,30 @@ class Look:
         return self.phase in ("waiting", "learning")
 
 
-class Apprentice:
+class Trainer:
     """A network and what it is to learn.
 
     Args:
         demonstrations: The basic actions.
         training: Closed-loop ratio and seed; the number of epochs is `learn`'s.
-        turnstile: Lets as many apprentices of the server learn at a time as it has places.
+        concurrency_limit: Lets as many trainers of the server learn at a time as it has places.
 
     Attributes:
-        look: How far it is now; replaced as a whole, so any thread may read it.
+        progress: How far it is now; replaced as a whole, so any thread may read it.
 
     Raises:
         SettingsError: If the demonstrations cannot be learned.
     """
 
     def __init__(
-        self, demonstrations: Demonstrations, training: TrainingSettings, turnstile: threading.Semaphore
+        self, demonstrations: Demonstrations, training: TrainingSettings, concurrency_limit: threading.Semaphore
     ) -> None:
         self.demonstrations, self.training = demonstrations, training
-        self.look = Look()
+        self.progress = TrainingProgress()
         self._network = NetworkSettings()
         n_codes = encoding_of(demonstrations, self._network).n_codes
         self._state = TrainingState.initial(self._network, n_codes, demonstrations.n_actions, training.seed)
-        self._turnstile = turnstile
+        self._concurrency_limit = concurrency_limit
         self._stop = threading.Event()
         self._started = (0, 0.0)
         self._looked = 0.0
@@ -109,7 +100,7 @@ class Apprentice:
         Raises:
             SettingsError: If it is at work already, or `n_epochs` are done or too many.
         """
-        if self.look.busy:
+        if self.progress.busy:
             raise SettingsError("it is learning already")
         if not self._state.epoch < n_epochs <= MAX_EPOCHS:
             raise SettingsError(
@@ -117,17 +108,19 @@ class Apprentice:
                 f"but is {n_epochs:,}"
             )
         self._stop.clear()
-        self.look = dataclasses.replace(self.look, phase="waiting", n_epochs=n_epochs, failure="", epochs_per_s=0.0)
-        threading.Thread(target=self._learn, args=(n_epochs,), name="apprentice", daemon=True).start()
+        self.progress = dataclasses.replace(
+            self.progress, phase="waiting", n_epochs=n_epochs, failure="", epochs_per_s=0.0
+        )
+        threading.Thread(target=self._learn, args=(n_epochs,), name="trainer", daemon=True).start()
 
     def stop(self) -> None:
         """Let it end at the next hundred epochs; it can go on later."""
         self._stop.set()
 
     def _learn(self, n_epochs: int) -> None:
-        while not self._turnstile.acquire(timeout=0.1):
+        while not self._concurrency_limit.acquire(timeout=0.1):
             if self._stop.is_set():
-                self.look = dataclasses.replace(self.look, phase="stopped")
+                self.progress = dataclasses.replace(self.progress, phase="stopped")
                 return
         phase, failure = "failed", ""
         try:
@@ -145,7 +138,7 @@ class Apprentice:
             failure = f"{type(error).__name__}: {error}"
             raise
         finally:
-            self._turnstile.release()
+            self._concurrency_limit.release()
             self._note(phase, n_epochs, failure)
 
     def _watch(self, training: TrainingSettings, _: TrainingState) -> None:
@@ -154,7 +147,7 @@ class Apprentice:
 
     def _note(self, phase: str, n_epochs: int, failure: str = "") -> None:
         state = self._state
-        memory = self.look.memory
+        memory = self.progress.memory
         if state.epoch and np.isfinite(state.best_loss):
             settings = dataclasses.replace(self.training, n_epochs=max(state.epoch, 1))
             memory = memory_at(self.demonstrations, self._network, settings, state, MADE_BY)
@@ -163,7 +156,7 @@ class Apprentice:
         curve = np.stack([places + 1.0, state.loss_history[places]], axis=1)
         done, since = self._started
         pace = (state.epoch - done) / max(time.monotonic() - since, 1e-3)
-        self.look = Look(phase, n_epochs, state.epoch, curve, memory, failure, pace)
+        self.progress = TrainingProgress(phase, n_epochs, state.epoch, curve, memory, failure, pace)
         self._looked = time.monotonic()
 
 
@@ -171,57 +164,57 @@ PLACES = max(1, usable_cores() - 1)
 """How many learn at a time; the page keeps a core."""
 
 
-class Desk:
-    """An apprentice and what was made of it.
+class TrainingSession:
+    """An trainer and what was made of it.
 
     Attributes:
-        apprentice: The network that learns.
-        exhibit: What the explorer's page shows of it, once it was asked for.
+        trainer: The network that learns.
+        app_state: What the explorer's page shows of it, once it was asked for.
     """
 
-    def __init__(self, apprentice: Apprentice) -> None:
-        self.apprentice = apprentice
-        self.exhibit: Any = None
+    def __init__(self, trainer: Trainer) -> None:
+        self.trainer = trainer
+        self.app_state: Any = None
         self.holders = 0
 
 
-class School:
-    """All apprentices; what no tab holds any more is stopped and forgotten."""
+class TrainingSessions:
+    """All trainers; what no tab holds any more is stopped and forgotten."""
 
     def __init__(self) -> None:
-        self.turnstile = threading.Semaphore(PLACES)
-        self._desks: dict[str, Desk] = {}
+        self.concurrency_limit = threading.Semaphore(PLACES)
+        self._sessions: dict[str, TrainingSession] = {}
 
     def __len__(self) -> int:
-        return len(self._desks)
+        return len(self._sessions)
 
-    def enrol(self, apprentice: Apprentice) -> str:
-        """Take an apprentice in, held once, and return its name."""
+    def add(self, trainer: Trainer) -> str:
+        """Take an trainer in, held once, and return its name."""
         key = secrets.token_urlsafe(12)
-        self._desks[key] = Desk(apprentice)
-        self._desks[key].holders = 1
+        self._sessions[key] = TrainingSession(trainer)
+        self._sessions[key].holders = 1
         return key
 
-    def hold(self, key: str) -> Desk | None:
-        """Hold an apprentice for one more tab; None if there is no such."""
-        desk = self._desks.get(key)
-        if desk is not None:
-            desk.holders += 1
-        return desk
+    def hold(self, key: str) -> TrainingSession | None:
+        """Hold an trainer for one more tab; None if there is no such."""
+        session = self._sessions.get(key)
+        if session is not None:
+            session.holders += 1
+        return session
 
-    def desk(self, key: str) -> Desk | None:
-        """Return an apprentice's desk without holding it."""
-        return self._desks.get(key)
+    def session(self, key: str) -> TrainingSession | None:
+        """Return an trainer's session without holding it."""
+        return self._sessions.get(key)
 
-    def let_go(self, key: str) -> None:
+    def release(self, key: str) -> None:
         """Hold it for one tab less; without any, it is stopped and forgotten."""
-        desk = self._desks.get(key)
-        if desk is None:
+        session = self._sessions.get(key)
+        if session is None:
             return
-        desk.holders -= 1
-        if desk.holders <= 0:
-            desk.apprentice.stop()
-            del self._desks[key]
+        session.holders -= 1
+        if session.holders <= 0:
+            session.trainer.stop()
+            del self._sessions[key]
 
 
 RATIOS = {0.0: "open loop", 0.5: "half closed", 1.0: "closed loop"}
@@ -232,26 +225,37 @@ LAST_RESOLUTION = 60
 MAX_SEED = 999_999
 
 
+class KeyframeSource(Protocol):
+    """The tab whose demonstrations are trained."""
+
+    closed: bool
+
+    @property
+    def keyframes(self) -> KeyframeSet:
+        """The demonstrations as they are now."""
+        ...
+
+
 class TrainingPanel:
     """Trains one memory at a time for its tab."""
 
-    def __init__(self, tab: TeachTab, exhibit: Exhibit, school: School, taught: str) -> None:
-        self.tab, self.exhibit, self.school = tab, exhibit, school
-        self.name = taught if taught and school.hold(taught) else ""
+    def __init__(self, tab: KeyframeSource, app_state: AppState, sessions: TrainingSessions, taught: str) -> None:
+        self.tab, self.app_state, self.sessions = tab, app_state, sessions
+        self.name = taught if taught and sessions.hold(taught) else ""
         self._chart: PBMap | None = None
         self._drawn: Memory | None = None
         self._drawing = False
-        self._shown: Look | None = None
+        self._shown: TrainingProgress | None = None
 
     @property
-    def apprentice(self) -> Apprentice | None:
+    def trainer(self) -> Trainer | None:
         """The network that learns for this tab, if one does or did."""
-        desk = self.school.desk(self.name)
-        return None if desk is None else desk.apprentice
+        session = self.sessions.session(self.name)
+        return None if session is None else session.trainer
 
     def close(self) -> None:
-        """Hold no apprentice any more."""
-        self.school.let_go(self.name)
+        """Hold no trainer any more."""
+        self.sessions.release(self.name)
         self.name = ""
         self._chart = self._drawn = self._shown = None
 
@@ -281,78 +285,82 @@ class TrainingPanel:
         self.advice = ui.column().classes("gap-0")
         ui.timer(0.5, self._look)
 
-    def notebook_changed(self) -> None:
+    def keyframes_changed(self) -> None:
         """Let the button say whether the set can be taught, and what would make it better."""
-        self.train.set_enabled(not shortcomings(self.tab.notebook))
+        self.train.set_enabled(not shortcomings(self.tab.keyframes))
         self.advice.clear()
         with self.advice:
-            for line in advice(self.tab.notebook)[:4]:
+            for line in advice(self.tab.keyframes)[:4]:
                 ui.label(f"Advice: {line}.").classes("text-sm")
 
     def _train(self) -> None:
-        if self.apprentice is not None and self.apprentice.look.busy:
+        if self.trainer is not None and self.trainer.progress.busy:
             return
-        found = shortcomings(self.tab.notebook)
+        found = shortcomings(self.tab.keyframes)
         if found:
             self.said.text = found[0]
             return
         try:
             seed = int(min(max(float(self.seed.value or 0), 0), MAX_SEED))
             training = TrainingSettings(closed_loop_ratio=float(self.ratio.value or 0.0), seed=seed)
-            apprentice = Apprentice(self.tab.notebook.demonstrations(), training, self.school.turnstile)
-            apprentice.learn(int(self.epochs.value or 30_000))
+            trainer = Trainer(self.tab.keyframes.demonstrations(), training, self.sessions.concurrency_limit)
+            trainer.learn(int(self.epochs.value or 30_000))
         except (CreativeNaoError, ValueError) as error:
             self.said.text = f"Cannot be taught: {error}"
             return
-        self.school.let_go(self.name)
-        self.name = self.school.enrol(apprentice)
+        self.sessions.release(self.name)
+        self.name = self.sessions.add(trainer)
         self._chart = self._drawn = self._shown = None
         self.map.content = grown_map(None)
         self.verdict.clear()
         ui.navigate.history.replace(f"/teach?taught={self.name}")
 
     def _stop(self) -> None:
-        if self.apprentice is not None:
-            self.apprentice.stop()
+        if self.trainer is not None:
+            self.trainer.stop()
 
     def _go_on(self) -> None:
-        apprentice = self.apprentice
-        if apprentice is None or apprentice.look.busy:
+        trainer = self.trainer
+        if trainer is None or trainer.progress.busy:
             return
-        look = apprentice.look
-        further = look.n_epochs if look.epoch < look.n_epochs else look.epoch + int(self.epochs.value or 30_000)
+        progress = trainer.progress
+        further = (
+            progress.n_epochs
+            if progress.epoch < progress.n_epochs
+            else progress.epoch + int(self.epochs.value or 30_000)
+        )
         try:
-            apprentice.learn(further)
+            trainer.learn(further)
         except CreativeNaoError as error:
             ui.notify(str(error), type="negative")
         self.verdict.clear()
 
     async def _look(self) -> None:
-        apprentice = self.apprentice
-        look = Look() if apprentice is None else apprentice.look
+        trainer = self.trainer
+        progress = TrainingProgress() if trainer is None else trainer.progress
         for button, wanted in (
-            (self.stop, look.busy),
-            (self.go_on, look.epoch > 0 and not look.busy and look.phase != "failed"),
-            (self.explore, look.memory is not None and not look.busy),
-            (self.save, look.memory is not None and not look.busy),
+            (self.stop, progress.busy),
+            (self.go_on, progress.epoch > 0 and not progress.busy and progress.phase != "failed"),
+            (self.explore, progress.memory is not None and not progress.busy),
+            (self.save, progress.memory is not None and not progress.busy),
         ):
             button.set_visibility(wanted)
-        self.train.set_visibility(not look.busy)
-        if apprentice is None or look is self._shown:
+        self.train.set_visibility(not progress.busy)
+        if trainer is None or progress is self._shown:
             return
-        self._shown = look
-        self.said.text = words(look)
-        self.loss.content = loss_svg(look.curve, look.n_epochs)
-        if look.memory is not None and look.memory is not self._drawn and not self._drawing:
-            await self._grow(look, look.memory)
+        self._shown = progress
+        self.said.text = words(progress)
+        self.loss.content = loss_svg(progress.curve, progress.n_epochs)
+        if progress.memory is not None and progress.memory is not self._drawn and not self._drawing:
+            await self._grow(progress, progress.memory)
 
-    async def _grow(self, look: Look, memory: Memory) -> None:
+    async def _grow(self, progress: TrainingProgress, memory: Memory) -> None:
         self._drawing = True
         try:
-            share = look.epoch / max(look.n_epochs, 1)
+            share = progress.epoch / max(progress.n_epochs, 1)
             size = next((n for limit, n in GROWTH if share < limit), LAST_RESOLUTION)
-            chart = await run.io_bound(pb_map, memory, size if look.busy else LAST_RESOLUTION)
-            ended = None if look.busy else await run.io_bound(reproduction, memory)
+            chart = await run.io_bound(pb_map, memory, size if progress.busy else LAST_RESOLUTION)
+            ended = None if progress.busy else await run.io_bound(reproduction, memory)
         finally:
             self._drawing = False
         if chart is None or self.tab.closed:
@@ -372,41 +380,41 @@ class TrainingPanel:
                 ui.label(f"{action_letter(place)} {spoken(name)}: {one:.1f}").classes("text-sm")
 
     async def _explore(self) -> None:
-        desk, name = self.school.desk(self.name), self.name
-        memory = None if desk is None else desk.apprentice.look.memory
-        if desk is None or memory is None:
+        session, name = self.sessions.session(self.name), self.name
+        memory = None if session is None else session.trainer.progress.memory
+        if session is None or memory is None:
             return
-        desk.exhibit = await run.io_bound(taught_exhibit, memory, self.exhibit, name)
-        if desk.exhibit is not None and not self.tab.closed:
+        session.app_state = await run.io_bound(taught_app_state, memory, self.app_state, name)
+        if session.app_state is not None and not self.tab.closed:
             ui.navigate.to(f"/?taught={name}")
 
     async def _download(self) -> None:
-        memory = None if self.apprentice is None else self.apprentice.look.memory
+        memory = None if self.trainer is None else self.trainer.progress.memory
         if memory is not None:
             made = await run.io_bound(memory_file, memory)
             if made is not None:
                 ui.download.content(made, "taught.safetensors")
 
     async def _download_csv(self) -> None:
-        made = await run.io_bound(csv_archive, self.tab.notebook.demonstrations())
+        made = await run.io_bound(csv_archive, self.tab.keyframes.demonstrations())
         if made is not None:
             ui.download.content(made, "demonstrations.zip")
 
 
-def words(look: Look) -> str:
-    """Return how far an apprentice is, in words."""
-    if look.phase == "failed":
-        return f"Training failed: {look.failure}"
-    if look.phase == "waiting":
+def words(progress: TrainingProgress) -> str:
+    """Return how far an trainer is, in words."""
+    if progress.phase == "failed":
+        return f"Training failed: {progress.failure}"
+    if progress.phase == "waiting":
         return "Waiting for another training on this machine to end ..."
-    if not len(look.curve):
+    if not len(progress.curve):
         return "Beginning ..."
-    loss = f"loss {look.curve[-1, 1]:.3g}"
-    if look.phase == "learning":
-        left = (look.n_epochs - look.epoch) / max(look.epochs_per_s, 1e-9)
-        return f"Learning: epoch {look.epoch:,} of {look.n_epochs:,}, {loss}, about {left:.0f} s left"
-    end = "Learned" if look.phase == "finished" else "Stopped"
-    return f"{end}: {look.epoch:,} epochs, {loss}"
+    loss = f"loss {progress.curve[-1, 1]:.3g}"
+    if progress.phase == "learning":
+        left = (progress.n_epochs - progress.epoch) / max(progress.epochs_per_s, 1e-9)
+        return f"Learning: epoch {progress.epoch:,} of {progress.n_epochs:,}, {loss}, about {left:.0f} s left"
+    end = "Learned" if progress.phase == "finished" else "Stopped"
+    return f"{end}: {progress.epoch:,} epochs, {loss}"
 
 
 def memory_file(memory: Memory) -> bytes:
@@ -428,14 +436,14 @@ RESOLUTION = 100
 """Points along each side of its map: a quarter of the time of the paper's, for a memory that may soon learn on."""
 
 
-def taught_exhibit(memory: Memory, shown: Exhibit, key: str) -> Exhibit:
-    """Return an exhibit of a taught memory with the robot and the favourites of another one.
+def taught_app_state(memory: Memory, shown: AppState, key: str) -> AppState:
+    """Return an app_state of a taught memory with the robot and the favourites of another one.
 
     Args:
         memory: What was taught.
-        shown: The exhibit of this server.
-        key: Name of the apprentice in the `School`, for the page's address.
+        shown: The app_state of this server.
+        key: Name of the trainer in the `TrainingSessions`, for the page's address.
     """
-    shelf = Shelf([memory], RESOLUTION)
-    shelf.start()
-    return dataclasses.replace(shown, shelf=shelf, crowd=None, taught=key)
+    registry = MemoryRegistry([memory], RESOLUTION)
+    registry.start()
+    return dataclasses.replace(shown, registry=registry, agent_points=None, taught=key)

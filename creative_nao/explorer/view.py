@@ -38,7 +38,7 @@ class View:
     Attributes:
         left: Lowest value of the first PB unit.
         bottom: Lowest value of the second.
-        width: Length of its sides.
+        width: Length of its memory_panels.
     """
 
     left: float

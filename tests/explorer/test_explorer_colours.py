@@ -11,7 +11,7 @@ from creative_nao.cli import main
 from creative_nao.envs.physical_map import PhysicalMap
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.explorer import colours
-from creative_nao.explorer.colours import PATTERNS, Measurements, Work, finer_sheet, legend_html, measured, sample
+from creative_nao.explorer.colours import PATTERNS, Computation, Measurements, finer_map, legend_html, measured, sample
 from creative_nao.explorer.map_pane import map_picture
 from creative_nao.explorer.registry import check_physical, physical_map_of
 from creative_nao.explorer.view import SIZE, View
@@ -45,21 +45,21 @@ def physical():
 
 @pytest.mark.parametrize("colour", COLOURINGS)
 def test_a_number_worked_out_on_demand_is_that_of_the_command(memory, full, chart, colour):
-    work = Work()
+    work = Computation()
     found = measured(memory, chart, colour, chart, work)
     np.testing.assert_array_equal(found, colour_values(full, colour)[0])
     assert colour == "unexpectedness" or work.share == 1.0
 
 
 def test_work_called_off_gives_nothing_and_is_done_again(memory, chart):
-    work = Work()
-    work.call_off()
+    work = Computation()
+    work.cancel()
     numbers = Measurements(memory)
     assert numbers.values(chart, "speed", work) is None
     assert numbers.known(chart, "speed") is None
-    found = numbers.values(chart, "speed", Work())
+    found = numbers.values(chart, "speed", Computation())
     assert numbers.known(chart, "speed") is found
-    assert finer_sheet(memory, chart, View(0, 0, 0.5), 10, "nearest", work) is None
+    assert finer_map(memory, chart, View(0, 0, 0.5), 10, "nearest", work) is None
 
 
 @pytest.mark.parametrize("colour", colours.NAMES)
@@ -68,7 +68,11 @@ def test_every_colouring_draws_the_whole_map_and_has_a_legend(memory, chart, phy
     values = span = scale = None
     if colours.is_number(colour):
         of_body = colours.is_of_body(colour)
-        values = colours.figure_of_body(physical, colour) if of_body else measured(memory, chart, colour, chart, Work())
+        values = (
+            colours.figure_of_body(physical, colour)
+            if of_body
+            else measured(memory, chart, colour, chart, Computation())
+        )
         span = colours.spans([drawn], [values])
         scale = colours.Scale(colours.scale_label(colour), *span)
     picture = np.asarray(map_picture(drawn, colour, None, values, span))
@@ -111,7 +115,7 @@ def test_names_from_a_file_cannot_write_html(chart):
 @pytest.mark.parametrize("colour", ["nearest", "speed", "unexpectedness"])
 def test_finer_cells_are_what_the_memory_makes_there(memory, chart, colour):
     view = View(0.1, -0.3, 0.2)
-    sheet = finer_sheet(memory, chart, view, 6, colour, Work())
+    sheet = finer_map(memory, chart, view, 6, colour, Computation())
     np.testing.assert_array_equal(sheet.chart.pb, view.grid(6))
     assert sheet.chart.trajectories is None
     from creative_nao.measures import largest_speeds, score, unexpectedness

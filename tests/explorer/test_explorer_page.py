@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from creative_nao.explorer.physics_service import Stage
+from creative_nao.explorer.physics_service import PhysicsService
 from creative_nao.model import load_memory
 
 HANDS = ("nao/RHand", "nao/LHand")
@@ -27,8 +27,8 @@ def test_a_click_moves_the_robot_and_nothing_leaves_the_server(visit, server):
 
 
 def test_the_pose_in_the_browser_is_that_of_mujoco(visit, server):
-    memory, stage = load_memory("half/0"), Stage()
-    model = stage.body.scene.model
+    memory, physics_service = load_memory("half/0"), PhysicsService()
+    model = physics_service.robot.scene.model
     data = mujoco.MjData(model)
     trajectory = memory.generate(np.array([[0.25, -0.5]]))[0]
     tab = visit(f"{server.url}?x=0.25&y=-0.5")
@@ -47,8 +47,8 @@ def test_the_pose_in_the_browser_is_that_of_mujoco(visit, server):
             }""",
             [tick * memory.dt_s, HANDS],
         )
-        data.qpos[:] = stage.body.scene.guard_qpos()
-        data.qpos[stage.body.scene.index.arm_qpos] = trajectory[tick]
+        data.qpos[:] = physics_service.robot.scene.guard_qpos()
+        data.qpos[physics_service.robot.scene.index.arm_qpos] = trajectory[tick]
         mujoco.mj_kinematics(model, data)
         np.testing.assert_allclose(places, [data.body(name).xpos for name in HANDS], atol=1e-4)
 
@@ -148,7 +148,7 @@ def test_a_click_is_answered_within_200_ms(visit, server):
                 const start = performance.now();
                 const options = {clientX: x, clientY: y, buttons: 1, bubbles: true, pointerId: 1};
                 map.dispatchEvent(new PointerEvent("pointerdown", options));
-                const look = () => robot.movement !== before ? done(performance.now() - start)
+                const map_state = () => robot.movement !== before ? done(performance.now() - start)
                                                               : requestAnimationFrame(look);
                 look();
             })""",

@@ -9,7 +9,7 @@ import pytest
 from creative_nao.cli.explore import choices
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError
 from creative_nao.exchange import FORMATS
-from creative_nao.explorer import Mind, cached_map, panels
+from creative_nao.explorer import MemoryService, cached_map, panels
 from creative_nao.explorer.map_pane import overlay
 from creative_nao.explorer.memory_service import as_coordinate, curves_svg, describe
 from creative_nao.explorer.registry import cache_path, content_hash
@@ -21,60 +21,62 @@ from creative_nao.model import load_memory
 
 
 @pytest.fixture(scope="module")
-def mind():
-    return Mind(load_memory("half/0"))
+def service():
+    return MemoryService(load_memory("half/0"))
 
 
 @pytest.fixture(scope="module")
-def chart(mind):
-    return pb_map(mind.memory, 20)
+def chart(service):
+    return pb_map(service.memory, 20)
 
 
-def test_a_recall_is_what_the_memory_generates(mind):
+def test_a_recall_is_what_the_memory_generates(service):
     point = np.array([[0.2, -0.3]])
-    recall = mind.recall(point)
-    np.testing.assert_array_equal(recall.trajectory, mind.memory.generate(point)[0])
-    assert len(mind.recall(np.array([[0.0, 0.0], [0.5, 0.5]])).points) == 2
+    recall = service.recall(point)
+    np.testing.assert_array_equal(recall.trajectory, service.memory.generate(point)[0])
+    assert len(service.recall(np.array([[0.0, 0.0], [0.5, 0.5]])).points) == 2
     with pytest.raises(ShapeError, match=r"lie in \[-1, 1\]"):
-        mind.recall(np.array([[np.nan, 0.0]]))
+        service.recall(np.array([[np.nan, 0.0]]))
 
 
-def test_words_tell_why_a_movement_is_inappropriate(mind, chart):
+def test_words_tell_why_a_movement_is_inappropriate(service, chart):
     fast = chart.pb[chart.outcome == "fluctuating"][:1]
-    text = describe(mind.recall(fast), mind)
+    text = describe(service.recall(fast), service)
     assert "inappropriate, too fast for the motors" in text
     speed, limit = map(float, re.search(r"reaches ([\d.]+) rad/s at [\d.]+ s, the limit is ([\d.]+)", text).groups())
     assert speed >= limit
-    assert "appropriate, like a basic action; nearest C left hook" in describe(mind.recall(mind.memory.pb[2:3]), mind)
+    assert "appropriate, like a basic action; nearest C left hook" in describe(
+        service.recall(service.memory.pb[2:3]), service
+    )
 
 
-def test_overspeed_is_marked_in_the_curves(mind, chart):
-    assert "cn-overspeed" in curves_svg(mind.recall(chart.pb[chart.outcome == "fluctuating"][:1]), mind)
-    calm = curves_svg(mind.recall(mind.memory.pb[:1]), mind)
+def test_overspeed_is_marked_in_the_curves(service, chart):
+    assert "cn-overspeed" in curves_svg(service.recall(chart.pb[chart.outcome == "fluctuating"][:1]), service)
+    calm = curves_svg(service.recall(service.memory.pb[:1]), service)
     assert "cn-overspeed" not in calm
     assert calm.count("<svg") == 8
 
 
-def test_the_cached_map_is_the_computed_one_and_a_torn_file_is_computed_again(mind, monkeypatch, tmp_path):
+def test_the_cached_map_is_the_computed_one_and_a_torn_file_is_computed_again(service, monkeypatch, tmp_path):
     monkeypatch.setenv("CREATIVE_NAO_CACHE", str(tmp_path))
-    first = cached_map(mind.memory, 12)
-    path = cache_path(mind.memory, 12)
+    first = cached_map(service.memory, 12)
+    path = cache_path(service.memory, 12)
     assert path.is_file()
-    np.testing.assert_array_equal(cached_map(mind.memory, 12).distance, first.distance)
+    np.testing.assert_array_equal(cached_map(service.memory, 12).distance, first.distance)
     path.write_bytes(b"torn")
-    np.testing.assert_array_equal(cached_map(mind.memory, 12).distance, first.distance)
-    assert content_hash(mind.memory) != content_hash(load_memory("half/1"))
+    np.testing.assert_array_equal(cached_map(service.memory, 12).distance, first.distance)
+    assert content_hash(service.memory) != content_hash(load_memory("half/1"))
 
 
 def test_the_overlay_has_a_letter_for_each_action_and_a_line_for_a_path(chart):
     whole = View.of(chart)
     points = np.array([[0.0, 0.0], [0.5, 0.5]])
-    svg = overlay(whole, chart.learned_pb, points, crowd=np.zeros((3, 2)))
+    svg = overlay(whole, chart.learned_pb, points, agent_points=np.zeros((3, 2)))
     assert [f">{letter}</text>" in svg for letter in "ABCDEF"] == [True] * 6
     assert svg.count("<polyline") == 2
     assert svg.count('r="4"') == 3
     near = View(*(chart.learned_pb[2] - 0.01), 0.02)
-    svg = overlay(near, chart.learned_pb, points, crowd=np.zeros((3, 2)))
+    svg = overlay(near, chart.learned_pb, points, agent_points=np.zeros((3, 2)))
     assert svg.count("</text>") == 1
     assert '<text x="300.0" y="300.0"' in svg
     assert 'r="4"' not in svg
@@ -96,15 +98,15 @@ def test_a_surprise_is_new_and_appropriate(chart):
 
 
 @pytest.mark.parametrize("format_name", FORMATS)
-def test_every_format_goes_out_and_comes_back(mind, format_name):
-    recall = mind.recall(mind.memory.pb[:1])
-    name, content, _ = panels.export(recall, mind, format_name)
-    back = panels.read_upload(name, content, mind.memory.dt_s)
+def test_every_format_goes_out_and_comes_back(service, format_name):
+    recall = service.recall(service.memory.pb[:1])
+    name, content, _ = panels.export(recall, service, format_name)
+    back = panels.read_upload(name, content, service.memory.dt_s)
     start = len(back.motion.angles) - len(
         recall.trajectory
     )  # formats for robots begin with the way to the first posture
     assert start >= 0
-    assert panels.read_upload(f"../../{name}", content, mind.memory.dt_s).format == format_name
+    assert panels.read_upload(f"../../{name}", content, service.memory.dt_s).format == format_name
 
 
 def test_an_upload_too_large_or_foreign_is_refused():

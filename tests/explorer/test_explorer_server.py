@@ -10,7 +10,7 @@ import pytest
 from visiting import CHROMIUM, FLAGS, Server, Visit
 
 from creative_nao.cli import main
-from creative_nao.explorer.server import AT_ONCE, InTurn
+from creative_nao.explorer.server import AT_ONCE, ConcurrencyLimit
 
 
 def raw(port, request):
@@ -74,7 +74,7 @@ def test_a_turn_ends_when_the_answer_begins_or_fails():
         said.append(message)
 
     async def scene():
-        door, ready = InTurn(app, ("/",)), asyncio.Event()
+        door, ready = ConcurrencyLimit(app, ("/",)), asyncio.Event()
         ask = [asyncio.create_task(door({"type": "http", "path": "/"}, ready.wait, tell)) for _ in range(AT_ONCE + 3)]
         other = asyncio.create_task(door({"type": "http", "path": "/other"}, ready.wait, tell))
         await asyncio.sleep(0.01)

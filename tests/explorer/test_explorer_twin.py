@@ -8,7 +8,7 @@ from visiting import Server
 
 from creative_nao.cli import main
 from creative_nao.errors import NotFoundError
-from creative_nao.explorer.registry import Shelf
+from creative_nao.explorer.registry import MemoryRegistry
 from creative_nao.explorer.state import Favourite, Session
 from creative_nao.model import load_memory
 
@@ -143,15 +143,15 @@ def test_one_memory_or_two_different_ones(names, capsys):
 
 def test_the_shelf_gives_only_what_it_names(monkeypatch, tmp_path):
     monkeypatch.setenv("CREATIVE_NAO_CACHE", str(tmp_path))
-    shelf = Shelf([load_memory("half/0")], resolution=8)
-    assert (shelf.beside, shelf.names[0], "open/0" in shelf.names) == ("", "half/0", True)
-    assert shelf.get("half/0") is shelf.first
-    assert shelf.get("open/0") is shelf.get("open/0")
+    registry = MemoryRegistry([load_memory("half/0")], resolution=8)
+    assert (registry.beside, registry.names[0], "open/0" in registry.names) == ("", "half/0", True)
+    assert registry.get("half/0") is registry.first
+    assert registry.get("open/0") is registry.get("open/0")
     with pytest.raises(NotFoundError, match=r"no memory `opn/0` here \(did you mean `open/0`\?\)"):
-        shelf.get("opn/0")
+        registry.get("opn/0")
     with pytest.raises(NotFoundError):
-        shelf.get(str(tmp_path))
-    assert shelf.get("open/0").charting.finished.wait(60)
+        registry.get(str(tmp_path))
+    assert registry.get("open/0").progressive_map.finished.wait(60)
 
 
 def test_a_favourite_remembers_which_memory_stood_beside(tmp_path):

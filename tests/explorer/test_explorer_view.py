@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from creative_nao.explorer.state import Place, place_of
+from creative_nao.explorer.state import PageAddress, page_address
 from creative_nao.explorer.view import SIZE, SMALLEST, View, cell_of
 from creative_nao.maps import nearest_cell, pb_grid, pb_map
 from creative_nao.model import load_memory
@@ -62,15 +62,15 @@ def test_a_window_follows_a_point_that_leaves_it():
 
 
 def test_an_address_gives_the_place_back():
-    place = Place(np.array([[0.1234567, -0.5]]), "open/0", View(0.1, -0.25, 0.5), "speed")
+    place = PageAddress(np.array([[0.1234567, -0.5]]), "open/0", View(0.1, -0.25, 0.5), "speed")
     assert place.address() == "/?x=0.123457&y=-0.5&beside=open/0&view=0.1,-0.25,0.5&colour=speed"
-    again = place_of("0.123457", "-0.5", "", "open/0", "0.1,-0.25,0.5", "speed")
+    again = page_address("0.123457", "-0.5", "", "open/0", "0.1,-0.25,0.5", "speed")
     assert (again.view, again.colour, again.beside) == (place.view, "speed", "open/0")
-    assert Place(np.array([[0, 0], [1, -1]])).address() == "/?path=0,0_1,-1"
+    assert PageAddress(np.array([[0, 0], [1, -1]])).address() == "/?path=0,0_1,-1"
 
 
 @pytest.mark.parametrize("view", ["", "1,2", "nan,0,1", "0,0,0", "0,0,9", "a,b,c", "0,0,1,1", "inf,0,0.5", "0,0,-1"])
 def test_a_window_that_cannot_be_read_is_the_whole_map(view):
-    assert place_of(view=view, colour="nonsense").view is None
-    assert place_of(colour="nonsense").colour == "nearest"
-    assert place_of(view="5,-5,0.5").view == View(0.5, -1.0, 0.5)
+    assert page_address(view=view, colour="nonsense").view is None
+    assert page_address(colour="nonsense").colour == "nearest"
+    assert page_address(view="5,-5,0.5").view == View(0.5, -1.0, 0.5)

@@ -95,7 +95,7 @@ def test_an_empty_set_becomes_a_demonstration_and_its_mirror_image(teach):
     name.fill("other side")
     name.press("Enter")
     tab.page.get_by_role("button", name="B other side").wait_for()
-    tab.page.reload()  # the browser keeps the notebook of its tab
+    tab.page.reload()  # the browser keeps the keyframes of its tab
     tab.page.get_by_role("button", name="B other side").wait_for()
     tab.says(f"2 {FIT}")
 

@@ -8,8 +8,8 @@ import weakref
 from pathlib import Path
 
 from creative_nao.explorer import server
-from creative_nao.explorer.physics_service import Stage
-from creative_nao.explorer.registry import Shelf
+from creative_nao.explorer.physics_service import PhysicsService
+from creative_nao.explorer.registry import MemoryRegistry
 from creative_nao.explorer.state import Session
 from creative_nao.model import load_memory
 
@@ -33,13 +33,15 @@ def main(port, folder, patience_s):
         for _ in sys.stdin:
             gc.collect()
             found = {"born": len(born), "kept": sum(map(len, registers)), "alive": sum(r() is not None for r in born)}
-            found["learning"] = sum(thread.name == "apprentice" for thread in threading.enumerate())
+            found["learning"] = sum(thread.name == "trainer" for thread in threading.enumerate())
             sys.stdout.write(json.dumps(found) + "\n")
             sys.stdout.flush()
 
     threading.Thread(target=tell, daemon=True).start()
-    exhibit = server.Exhibit(Shelf([load_memory("half/0")], 30), Stage(), Session(Path(folder) / "s.json"))
-    server.serve(exhibit, host="127.0.0.1", port=int(port), show=False)
+    app_state = server.AppState(
+        MemoryRegistry([load_memory("half/0")], 30), PhysicsService(), Session(Path(folder) / "s.json")
+    )
+    server.serve(app_state, host="127.0.0.1", port=int(port), show=False)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from creative_nao.explorer.keyframe_editor import (
     MAX_KEYS,
     Draft,
     Key,
-    Notebook,
+    KeyframeSet,
     advice,
     blank,
     boxing,
@@ -28,13 +28,13 @@ def waving(name="wave", angle=0.2):
 
 
 def test_the_boxing_set_is_the_shipped_key_postures():
-    notebook = boxing()
-    assert [draft.name for draft in notebook.drafts] == list(ACTIONS)
-    for draft in notebook.drafts:
+    boxing_set = boxing()
+    assert [draft.name for draft in boxing_set.drafts] == list(ACTIONS)
+    for draft in boxing_set.drafts:
         meant = keyframes(draft.name).at(np.arange(N_STEPS) * DT_S)
         np.testing.assert_allclose(draft.trajectory(), meant, atol=0.03)  # times are whole hundredths here
-    assert shortcomings(notebook) == advice(notebook) == []
-    assert Notebook.from_text(notebook.to_text()) == notebook
+    assert shortcomings(boxing_set) == advice(boxing_set) == []
+    assert KeyframeSet.from_text(boxing_set.to_text()) == boxing_set
 
 
 def test_a_key_is_added_on_the_curve_and_removed():
@@ -76,11 +76,11 @@ def test_too_fast_is_one_line_that_says_how_to_mend_it():
 
 def test_what_cannot_be_learned_is_said_in_one_line():
     assert "hardly moves, its widest joint travels 0.00 rad" in fault(blank())
-    alone = Notebook((waving(),))
+    alone = KeyframeSet((waving(),))
     assert shortcomings(alone) == [
         "a memory needs two demonstrations or more; add one, or the mirror image of the first"
     ]
-    one_arm = Notebook((waving(), waving("again", 0.0)))
+    one_arm = KeyframeSet((waving(), waving("again", 0.0)))
     assert "LShoulderPitch" in shortcomings(one_arm)[0]
     assert "never moves in any demonstration; add a mirror image" in shortcomings(one_arm)[0]
     assert any("wave and again are" in line and "count as one movement" in line for line in advice(one_arm))
@@ -99,8 +99,11 @@ def test_what_cannot_be_learned_is_said_in_one_line():
         (lambda d: Draft("x", (Key(0, (0.0,) * 7), Key(1, (0.0,) * 8))), "8 angles in the joints' ranges"),
         (lambda d: Draft("x", (Key(0, (float("nan"),) * 8), Key(1, (0.0,) * 8))), "8 angles in the joints' ranges"),
         (lambda d: Draft("x", tuple(Key(0.1 * k, d.keys[0].posture) for k in range(MAX_KEYS + 1))), "2 to 24 keys"),
-        (lambda d: Notebook(tuple(d.renamed(f"d{k}") for k in range(MAX_DRAFTS + 1))), "there may be 8 demonstrations"),
-        (lambda d: Notebook((d, d)), "two demonstrations are called wave"),
+        (
+            lambda d: KeyframeSet(tuple(d.renamed(f"d{k}") for k in range(MAX_DRAFTS + 1))),
+            "there may be 8 demonstrations",
+        ),
+        (lambda d: KeyframeSet((d, d)), "two demonstrations are called wave"),
     ],
 )
 def test_bounds_are_kept_and_named(change, said):
@@ -115,10 +118,10 @@ def test_bounds_are_kept_and_named(change, said):
 )  # fmt: skip
 def test_a_notebook_of_nonsense_is_refused(text):
     with pytest.raises(CreativeNaoError):
-        Notebook.from_text(text)
+        KeyframeSet.from_text(text)
 
 
 def test_names_are_found_that_nobody_has():
-    notebook = Notebook((blank("a"), blank("a_2")))
-    assert notebook.free_name("a") == "a_3"
-    assert notebook.free_name("b") == "b"
+    keyframes = KeyframeSet((blank("a"), blank("a_2")))
+    assert keyframes.free_name("a") == "a_3"
+    assert keyframes.free_name("b") == "b"

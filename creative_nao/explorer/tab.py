@@ -1,0 +1,281 @@
+"""What one browser tab shows and does; all of it ends with the tab."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from nicegui import background_tasks, events, run, ui
+
+from creative_nao.errors import CreativeNaoError
+from creative_nao.explorer.map_pane import MapPane, MapState, Mark, as_pixel
+from creative_nao.explorer.memory_panel import MemoryPanel
+from creative_nao.explorer.memory_service import MemoryService, Recall, surprise
+from creative_nao.explorer.physics_service import PhysicsService
+from creative_nao.explorer.registry import NONE, LoadedMemory, MemoryRegistry, ProgressiveMap
+from creative_nao.explorer.state import MAX_NOTE, MAX_POINTS, Favourite, PageAddress, Session
+from creative_nao.explorer.view import View
+
+STEP = 2.0
+"""How much nearer a key or a button brings."""
+_ARROWS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, 1), "ArrowDown": (0, -1)}
+MAX_FACTOR = 16
+"""How far one turn of a wheel may zoom."""
+_ZOOMS = {"+": STEP, "=": STEP, "-": 1 / STEP}
+
+
+@dataclass
+class AppState:
+    """What all tabs share: the memories with their maps, the robot and the favourites."""
+
+    registry: MemoryRegistry
+    physics_service: PhysicsService
+    session: Session
+    agent_points: np.ndarray | None = None
+    """Points of a run folder's agents, shape (n, 2)."""
+    taught: str = ""
+    """Name of the trainer that the memory is of, if it was taught in the page."""
+
+    @property
+    def service(self) -> MemoryService:
+        """The memory that the page is about."""
+        return self.registry.first.service
+
+    @property
+    def progressive_map(self) -> ProgressiveMap:
+        """Its map."""
+        return self.registry.first.progressive_map
+
+
+class Tab:
+    """One browser tab. Its attributes are its user's state.
+
+    Args:
+        app_state: What it shares with all tabs.
+        place: Where it is.
+        beside: A second memory that follows every step beside the first.
+
+    Attributes:
+        mode: Whether a click goes to a point or draws a path.
+        pb_1: Field of the first PB unit.
+        pb_2: Field of the second.
+        physics: Whether the movement is performed in physics.
+        dark: Colour scheme of the page.
+        status: The sentence about the movement of the first memory.
+        poll: Waits for the fine maps.
+    """
+
+    mode: ui.toggle
+    pb_1: ui.number
+    pb_2: ui.number
+    physics: ui.switch
+    dark: ui.dark_mode
+    status: ui.label
+    poll: ui.timer
+
+    def __init__(
+        self, app_state: AppState, place: PageAddress | None = None, beside: LoadedMemory | None = None
+    ) -> None:
+        place = PageAddress() if place is None else place
+        self.app_state = app_state
+        self.service = app_state.service
+        self.key = app_state.registry.first.key
+        self.client = ui.context.client
+        self.beside = beside.name if beside is not None else NONE if app_state.registry.beside else ""
+        self.rng = np.random.default_rng()
+        self.points = place.points
+        self.memory_panels = [
+            MemoryPanel(loaded) for loaded in (app_state.registry.first, beside) if loaded is not None
+        ]
+        self.map_state = MapState([panel.map for panel in self.memory_panels], self._looked)
+        self.map_state.set(place.view, place.colour)
+        self.marks: list[Mark] = []
+        self.trail: list[np.ndarray] = []
+        self.refresh_favourites: Callable[[], object] = lambda: None
+        self.refresh_toolbar: Callable[[], object] = lambda: None
+        self.drawing: list[tuple[float, float]] = []
+        self._numbers = itertools.count(1)
+        self._latest = 0
+
+    @property
+    def recall(self) -> Recall | None:
+        """The movement of the first memory."""
+        return self.memory_panels[0].recall
+
+    def close(self) -> None:
+        """End the tab's work and let go of what it holds; what is still being computed is not shown any more."""
+        self.map_state.cancel()
+        self._latest = next(self._numbers)
+        self.marks, self.trail, self.drawing = [], [], []
+
+    async def open(self) -> None:
+        """Show what the address asks for."""
+        await self.show(self.points, keep=False)
+        await self.map_state.work()
+
+    async def show(self, points: np.ndarray, keep: bool = True) -> None:
+        """Let the robot do what lies at a point or along a path; the last call wins."""
+        self._latest = number = next(self._numbers)
+        if keep and len(self.trail) < 1000:
+            self.trail.append(self.points)
+        self.points = np.asarray(points, dtype=np.float64)
+        self.redraw()
+        recalls = [await run.io_bound(panel.loaded.service.recall, self.points) for panel in self.memory_panels]
+        if number == self._latest:
+            await self.present(*(one for one in recalls if one is not None))
+
+    async def present(self, *recalls: Recall) -> None:
+        """Show movements that have been made or recognised; a memory of which there is none is asked for its own."""
+        number = self._latest
+        for panel in self.memory_panels[len(recalls) :]:
+            made = await run.io_bound(panel.loaded.service.recall, self.points)
+            recalls = (*recalls, made) if made is not None else recalls
+        if number != self._latest:
+            return
+        digits = self.memory_panels[0].map.frame().digits
+        for panel, recall in zip(self.memory_panels, recalls, strict=False):
+            panel.present(recall, digits)
+        pb = recalls[0].pb
+        self.pb_1.value, self.pb_2.value = round(pb[0], digits), round(pb[1], digits)
+        self.remember()
+        self._follow()
+        for panel in self.memory_panels if self.physics.value else ():
+            if number == self._latest:
+                await panel.perform(self.app_state.physics_service)
+
+    def remember(self) -> None:
+        """Write into the address where we are."""
+        address = PageAddress(
+            self.points, self.beside, self.map_state.view, self.map_state.colour, self.app_state.taught
+        ).address()
+        self.client.run_javascript(f'history.replaceState({{}}, "", {json.dumps(address)})')
+
+    def redraw(self) -> None:
+        """Draw the marks on the maps anew."""
+        points = np.array(self.drawing) if self.drawing else self.points
+        for place, panel in enumerate(self.memory_panels):
+            panel.map.redraw(points, self.marks, self.app_state.agent_points if place == 0 else None)
+
+    def go_beside(self, name: str) -> None:
+        """Open the page anew, where it is, with another memory beside or, by `registry.NONE`, without."""
+        if name == NONE and not self.app_state.registry.beside:
+            name = ""
+        ui.navigate.to(
+            PageAddress(self.points, name, self.map_state.view, self.map_state.colour, self.app_state.taught).address()
+        )
+
+    async def back(self) -> None:
+        """Go back to where we were before."""
+        if self.trail:
+            await self.show(self.trail.pop(), keep=False)
+
+    async def zoom(self, factor: float, around: tuple[float, float] | None = None) -> None:
+        """Go so many times nearer to a PB point, by default to the one shown or, if it is out of sight, the middle."""
+        frame = self.memory_panels[0].map.frame()
+        here = (float(self.points[-1, 0]), float(self.points[-1, 1]))
+        if around is None:
+            around = here if frame.shows(here) else (frame.left + frame.width / 2, frame.bottom + frame.width / 2)
+        await self.look_at(frame.zoomed(factor, around), self.map_state.colour)
+
+    async def look_at(self, view: View | None, colour: str) -> None:
+        """Show a window of the map, or with None the whole, in some colours."""
+        if (view, colour) != (self.map_state.view, self.map_state.colour):
+            self.map_state.set(view, colour)
+            self.remember()
+            await self.map_state.work()
+
+    def _follow(self) -> None:
+        """Bring a window along to where the movement shown lies."""
+        view = self.map_state.view
+        if view is None or all(view.shows(point) for point in self.points):
+            return
+        moved = view.following(self.points[-1]) if len(self.points) == 1 else None
+        background_tasks.create(self.look_at(moved, self.map_state.colour))
+
+    def _looked(self) -> None:
+        self.refresh_toolbar()
+        self.redraw()
+
+    async def touched(self, pane: MapPane, event: events.GenericEventArguments) -> None:
+        """Go to the point under the pointer, or draw."""
+        kind, pb = event.args.get("mouse_event_type"), pane.pb_of(event)
+        if self.mode.value == "point":
+            if kind != "pointerup":
+                await self.show(np.array([pb]), keep=kind == "pointerdown")
+            return
+        if kind == "pointerdown":
+            self.drawing = [pb]
+        elif self.drawing and pb != self.drawing[-1] and len(self.drawing) < MAX_POINTS:
+            self.drawing.append(pb)
+        if kind == "pointerup" and self.drawing:
+            drawn, self.drawing = np.array(self.drawing), []
+            await self.show(drawn)
+        else:
+            self.redraw()
+
+    def hovered(self, pane: MapPane, event: events.GenericEventArguments) -> None:
+        """Say what lies under the pointer, in every memory."""
+        pb = pane.pb_of(event)
+        for panel in self.memory_panels:
+            panel.map.tell(pb, self.map_state.colour)
+
+    async def zoomed(self, pane: MapPane, event: events.GenericEventArguments) -> None:
+        """Zoom by wheel or fingers."""
+        x, y, factor = (event.args.get(key) for key in ("image_x", "image_y", "factor"))
+        if isinstance(factor, int | float) and 1 / MAX_FACTOR <= factor <= MAX_FACTOR:
+            await self.zoom(factor, pane.frame().to_pb(as_pixel(x), as_pixel(y)))
+
+    async def pressed(self, event: events.GenericEventArguments) -> None:
+        """Do what a key says."""
+        key = str(event.args.get("key"))
+        if key in _ARROWS:
+            step = self.memory_panels[0].map.cell() * (10 if event.args.get("shiftKey") else 1)
+            moved = self.points[-1] + step * np.array(_ARROWS[key])
+            await self.show(np.clip(moved, -1, 1)[None], keep=False)
+        elif key in _ZOOMS:
+            await self.zoom(_ZOOMS[key])
+        elif key == "0":
+            await self.look_at(None, self.map_state.colour)
+        elif key.isdigit() and int(key) <= len(self.service.names):
+            await self.show(self.service.memory.pb[int(key) - 1][None])
+        elif key == "r":
+            await self.show(surprise(self.app_state.progressive_map.chart, self.rng)[None])
+        elif key == "u":
+            await self.back()
+        elif key == "s":
+            self.keep_favourite()
+
+    def show_ghosts(self, event: events.ValueChangeEventArguments[bool | None]) -> None:
+        """Show or hide the nearest basic action beside every robot."""
+        for panel in self.memory_panels:
+            panel.ghost(bool(event.value))
+
+    async def fine_maps_ready(self) -> None:
+        """Show the fine maps once they are computed."""
+        if all(panel.loaded.progressive_map.finished.is_set() for panel in self.memory_panels):
+            self.poll.deactivate()
+            await self.map_state.work()
+
+    def theme(self) -> None:
+        """Change between dark and light."""
+        self.dark.value = not self.dark.value
+
+    def keep_favourite(self, note: str = "") -> None:
+        """Keep the movement shown as a favourite."""
+        if self.recall is not None:
+            points = tuple((float(x), float(y)) for x, y in self.points)
+            beside = self.memory_panels[1].loaded.name if len(self.memory_panels) > 1 else ""
+            self.change_favourites(self.app_state.session.add, Favourite(self.key, points, note[:MAX_NOTE], beside))
+
+    def change_favourites(self, change: Callable[[Favourite], None], favourite: Favourite) -> bool:
+        """Change the favourites and show them; tell the user when they cannot be written."""
+        try:
+            change(favourite)
+        except (OSError, CreativeNaoError) as error:
+            ui.notify(f"The favourites stay as they were: {error}", type="negative")
+            return False
+        self.refresh_favourites()
+        return True
