@@ -28,6 +28,7 @@ ASSETS = {
     "hyperparameters": (6, "creative_nao/agents/hyperparams/*.yml"),
     "demonstrations": (6, "creative_nao/demonstrations/data/*.csv"),
     "suites": (5, "creative_nao/evaluation/suites/*.toml"),
+    "claims of the paper": (1, "creative_nao/evaluation/paper/claims.toml"),
     "page templates": (4, "creative_nao/evaluation/templates/*.jinja"),
     "explorer files": (6, "creative_nao/explorer/static/*"),
     "mark of typed packages": (1, "creative_nao/py.typed"),

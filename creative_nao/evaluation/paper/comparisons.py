@@ -45,16 +45,6 @@ class Difference:
     high: float | None
     superiority: float
 
-    @property
-    def positive(self) -> bool:
-        """Whether the whole interval is above zero."""
-        return self.low is not None and self.low > 0
-
-    @property
-    def negative(self) -> bool:
-        """Whether the whole interval is below zero."""
-        return self.high is not None and self.high < 0
-
 
 def difference(values: Mapping[str, np.ndarray], above: str, below: str, rng: np.random.Generator) -> Difference:
     """Compare the seeds of two conditions by the difference of their means.
@@ -97,9 +87,10 @@ def decide(differences: Sequence[Difference]) -> str:
     It holds when every interval is above zero, it does not hold when one is below zero, and is undecided otherwise.
     Several must agree for it to hold, so that chance alone makes it hold in no more than about 2.5 % of cases.
     """
-    if any(one.negative for one in differences):
+    if any(one.high is not None and one.high < 0 for one in differences):
         return FAILS
-    return HOLDS if differences and all(one.positive for one in differences) else UNDECIDED
+    holds = differences and all(one.low is not None and one.low > 0 for one in differences)
+    return HOLDS if holds else UNDECIDED
 
 
 @dataclass(frozen=True)

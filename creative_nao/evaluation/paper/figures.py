@@ -47,15 +47,24 @@ N_STOPS = 6
 MAPS_PER_ROW = 8
 
 
-def learning_curves(memories: Mapping[str, Sequence[Memory]]) -> Figure:
-    """Draw loss against epochs: median and range over the networks of a condition, and one network of each.
+class Network(NamedTuple):
+    """A network with its map and its figures."""
 
-    Args:
-        memories: Networks of each condition, lowest seed first.
-    """
+    entry: Entry
+    memory: Memory
+    charted: PBMap
+    figures: Figures
+
+
+Networks = Mapping[str, Sequence[Network]]
+"""Of each condition, lowest seed first."""
+
+
+def learning_curves(networks: Networks) -> Figure:
+    """Draw loss against epochs: median and range over the networks of a condition, and one network of each."""
     drawn, (many, one) = figure(9.4, 3.9, 1, 2, sharey=True, sharex=True)
     for condition in CONDITION_NAMES:
-        mine = memories[condition]
+        mine = [one.memory for one in networks[condition]]
         style: dict[str, Any] = {"color": COLOURS[condition], "linestyle": LINES[condition]}
         curves = [_thinned(memory) for memory in mine]
         epochs = curves[0][0]
@@ -64,29 +73,33 @@ def learning_curves(memories: Mapping[str, Sequence[Memory]]) -> Figure:
         many.plot(epochs, np.median(losses, axis=0), linewidth=1.8, label=CONDITION_TITLES[condition], **style)
         history = mine[0].loss_history
         one.plot(1 + mine[0].loss_every * np.arange(len(history)), history, color=style["color"], linewidth=0.8)
-    n_networks = [len(memories[condition]) for condition in CONDITION_NAMES]
+    n_networks = [len(networks[condition]) for condition in CONDITION_NAMES]
     told = str(n_networks[0]) if len(set(n_networks)) == 1 else " / ".join(map(str, n_networks))
     word = "network" if max(n_networks) == 1 else "networks"
     many.set(yscale="log", xlabel="epoch", ylabel="loss", title=f"Median and range, {told} {word} a condition")
     many.locator_params(axis="x", nbins=5)
     many.xaxis.set_major_formatter("{x:,.0f}")
-    one.set(xlabel="epoch", title=f"One network each, seed {memories['half'][0].training.seed}")
+    one.set(xlabel="epoch", title=f"One network each, seed {networks['half'][0].memory.training.seed}")
     drawn.legend(*many.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return drawn
 
 
-def table_dots(networks: Sequence[Figures], rows: Sequence[Mapping[str, Any]]) -> Figure:
+def table_dots(networks: Networks, rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Draw Table I: every network a dot, the mean over seeds with its 95 % interval, the paper's network a cross."""
     drawn, axes = figure(10.4, 3.7, 1, len(TABLE_I))
     for ax, measure in zip(axes, TABLE_I, strict=True):
-        values = values_of(networks, measure.field)
+        values = values_of([one.figures for mine in networks.values() for one in mine], measure.field)
         for place, condition in enumerate(CONDITION_NAMES):
-            row = next(one for one in rows if one["memory"] == condition)
-            colour = COLOURS[condition]
-            mine = values[condition]
+            colour, mine = COLOURS[condition], values[condition]
             spread = np.linspace(-0.11, 0.11, len(mine)) if len(mine) > 1 else np.zeros(len(mine))
             ax.scatter(place - 0.17 + spread, mine, s=13, color=colour, alpha=0.5, linewidths=0)
-            _mean(ax, place + 0.14, row[measure.field], condition)
+            if (mean := next(row for row in rows if row["memory"] == condition)[measure.field]) is not None:
+                if mean["low"] is not None:
+                    ax.vlines(place + 0.14, mean["low"], mean["high"], color=colour, linewidth=3.2, capstyle="round")
+                ax.plot(
+                    place + 0.14, mean["mean"], MARKERS[condition], color="white", markeredgecolor=colour,
+                    markeredgewidth=1.8, markersize=7,
+                )  # fmt: skip
             ax.plot(place + 0.34, measure.paper[condition], "x", color=INK, markersize=7, markeredgewidth=1.8)
         ax.set_xticks(range(len(CONDITION_NAMES)), CONDITION_NAMES)
         ax.set(title=f"{measure.title} [{measure.unit}]", xlim=(-0.55, len(CONDITION_NAMES) - 0.4))
@@ -94,32 +107,15 @@ def table_dots(networks: Sequence[Figures], rows: Sequence[Mapping[str, Any]]) -
         ax.set_ylim(0.0, 103.0 if measure.field == "appropriateness_pct" else 1.08 * largest)
         ax.grid(axis="x", visible=False)
     drawn.supxlabel("training condition", fontsize=10)
-    drawn.legend(handles=_legend(), loc="outside upper center", ncols=3, fontsize=9.5)
-    return drawn
-
-
-def _mean(ax: Axes, place: float, measured: Mapping[str, Any] | None, condition: str) -> None:
-    if measured is None:
-        return
-    colour = COLOURS[condition]
-    if measured["low"] is not None:
-        ax.vlines(place, measured["low"], measured["high"], color=colour, linewidth=3.2, capstyle="round")
-    marker = MARKERS[condition]
-    ax.plot(place, measured["mean"], marker, color="white", markeredgecolor=colour, markeredgewidth=1.8, markersize=7)
-
-
-def _legend() -> list[Any]:
-    colour = COLOURS["open"]
-    return [
-        Line2D([], [], marker="o", linestyle="", color=colour, alpha=0.5, markersize=4, label="one network"),
-        Line2D(
-            [], [], marker="o", color=colour, linewidth=3.2, markerfacecolor="white", markeredgewidth=1.8,
-            markersize=7, label="mean over seeds, 95 % interval",
-        ),
-        Line2D(
-            [], [], marker="x", linestyle="", color=INK, markeredgewidth=1.8, markersize=7, label="the paper's network"
-        ),
+    like: dict[str, Any] = {"markeredgewidth": 1.8, "markersize": 7}
+    handles = [
+        Line2D([], [], marker="o", linestyle="", color=COLOURS["open"], alpha=0.5, markersize=4, label="one network"),
+        Line2D([], [], marker="o", color=COLOURS["open"], linewidth=3.2, markerfacecolor="white",
+               label="mean over seeds, 95 % interval", **like),
+        Line2D([], [], marker="x", linestyle="", color=INK, label="the paper's network", **like),
     ]  # fmt: skip
+    drawn.legend(handles=handles, loc="outside upper center", ncols=3, fontsize=9.5)
+    return drawn
 
 
 def _thinned(memory: Memory) -> tuple[np.ndarray, np.ndarray]:
@@ -144,12 +140,7 @@ def basic_actions(demos: Demonstrations) -> Figure:
     return _panels(demos, [Example(name.replace("_", " "), trajectory) for name, trajectory in taught], 3)
 
 
-def examples(
-    memories: Sequence[Memory],
-    charts: Sequence[PBMap],
-    combinations: Sequence[dict | None],
-    rng: np.random.Generator,
-) -> tuple[Figure, str]:
+def examples(networks: Sequence[Network], rng: np.random.Generator) -> tuple[Figure, str]:
     """Draw movements that cannot be used and movements that are new.
 
     The rule: a fluctuating one and a non-moving one, each drawn at random from the first map that has any; the two
@@ -157,38 +148,36 @@ def examples(
     memory that has one.
 
     Args:
-        memories: The memories, the one to be shown first.
-        charts: Their maps.
-        combinations: Entry `clearest_combination` of each memory's figures.
+        networks: The one to be shown comes first.
         rng: Draws the first two.
 
     Returns:
         The figure, and what is missing from it, in words.
     """
-    memory, demos = memories[0], memories[0].demonstrations
     shown, missing = [], []
     for outcome in ("fluctuating", "non_moving"):
         word = outcome.replace("_", "-")
-        for owner, charted in zip(memories, charts, strict=True):
+        for _, memory, charted, _ in networks:
             points = np.flatnonzero(charted.outcome == outcome)
             if len(points):
                 pb = charted.pb[rng.choice(points)]
-                shown.append(Example(f"{word}: {owner.name} at {_place(pb)}", owner.generate(pb[None])[0]))
+                shown.append(Example(f"{word}: {memory.name} at {_place(pb)}", memory.generate(pb[None])[0]))
                 break
         else:
             missing.append(f"no map has a {word} movement")
-    generated = memory.generate(charts[0].pb)
-    best = farthest_points(generated, demos, 2, charts[0].appropriate)
+    _, memory, charted, _ = networks[0]
+    demos = memory.demonstrations
+    generated = memory.generate(charted.pb)
+    best = farthest_points(generated, demos, 2, charted.appropriate)
     for place, index in enumerate(best.indices):
         rank = ("most novel", "then most novel")[place]
-        shown.append(Example(f"{rank}: {memory.name} at {_place(charts[0].pb[index])}", generated[index]))
-    for owner, combination in zip(memories, combinations, strict=True):
-        if combination is None:
+        shown.append(Example(f"{rank}: {memory.name} at {_place(charted.pb[index])}", generated[index]))
+    for _, memory, _, figures in networks:
+        if (combination := figures["clearest_combination"]) is None:
             continue
         first, second = (combination[key].replace("_", " ") for key in ("first", "second"))
         joined = f"{first}, then {second}" if combination["kind"] == "in time" else f"right arm {first}, left {second}"
-        trajectory = owner.generate(np.array([combination["pb"]]))[0]
-        shown.append(Example(f"{owner.name}: {joined}", trajectory))
+        shown.append(Example(f"{memory.name}: {joined}", memory.generate(np.array([combination["pb"]]))[0]))
         break
     else:
         missing.append("no map has a combination of two basic actions among the points that were looked at")
@@ -233,40 +222,39 @@ def _place(pb: np.ndarray) -> str:
     return f"({pb[0]:+.2f}, {pb[1]:+.2f})"
 
 
-def three_maps(charts: Mapping[str, PBMap]) -> Figure:
+def three_maps(networks: Networks) -> Figure:
     """Draw one map of each condition side by side."""
     drawn, axes = figure(11.0, 4.5, 1, len(CONDITION_NAMES))
     for ax, condition in zip(axes, CONDITION_NAMES, strict=True):
-        charted = charts[condition]
+        charted = networks[condition][0].charted
         draw_on(ax, charted)
         ax.grid(visible=False)
         learned, usable = charted.share_pct("learned"), 100.0 * float(charted.appropriate.mean())
         ax.set_title(f"{CONDITION_TITLES[condition]}\n{usable:.0f} % usable, {learned:.0f} % learned", fontsize=10)
         ax.set(xticks=[-1, 0, 1], yticks=[-1, 0, 1])
-    drawn.legend(handles=_plain_legend(charts["half"]), loc="outside lower center", ncols=4, fontsize=9)
+    drawn.legend(handles=_plain_legend(networks["half"][0].charted), loc="outside lower center", ncols=4, fontsize=9)
     return drawn
 
 
-def all_maps(charts: Mapping[str, Sequence[tuple[int, PBMap]]]) -> Figure:
+def all_maps(networks: Networks) -> Figure:
     """Draw every network's map, small: condition by condition, seed by seed."""
     rows = [
-        (condition, charts[condition][start : start + MAPS_PER_ROW])
+        networks[condition][start : start + MAPS_PER_ROW]
         for condition in CONDITION_NAMES
-        for start in range(0, len(charts[condition]), MAPS_PER_ROW)
+        for start in range(0, len(networks[condition]), MAPS_PER_ROW)
     ]
-    n_columns = max(3, max(len(row) for _, row in rows))
+    n_columns = max(3, max(map(len, rows)))
     drawn, axes = figure(10.8, 10.2 / n_columns * len(rows) * 1.12 + 0.6, len(rows), n_columns)
     for place, ax in enumerate(axes):
-        condition, row = rows[place // n_columns]
-        column = place % n_columns
+        row, column = rows[place // n_columns], place % n_columns
         ax.axis("off")
         if column < len(row):
-            seed, charted = row[column]
+            entry, _, charted, _ = row[column]
             ax.imshow(map_image(charted), origin="lower", interpolation="nearest", extent=(-1, 1, -1, 1))
             ax.plot(*charted.learned_pb.T, "o", color="white", markeredgecolor=INK, markersize=2.6, markeredgewidth=0.7)
-            ax.set_title(f"{condition} {seed}", fontsize=8, loc="center")
+            ax.set_title(f"{entry.condition} {entry.seed}", fontsize=8, loc="center")
             ax.grid(visible=False)
-    drawn.legend(handles=_plain_legend(charts["half"][0][1]), loc="outside lower center", ncols=4, fontsize=9)
+    drawn.legend(handles=_plain_legend(networks["half"][0].charted), loc="outside lower center", ncols=4, fontsize=9)
     return drawn
 
 
@@ -293,9 +281,8 @@ def walk(memory: Memory, charted: PBMap) -> Figure:
     ax.plot(*points.T, "-", color=INK, linewidth=1.2)
     for place, point in enumerate(points):
         ax.plot(*point, "o", color="white", markeredgecolor=INK, markersize=13, markeredgewidth=1.3, zorder=3)
-        ax.annotate(
-            str(place + 1), point, ha="center", va="center", fontsize=8.5, weight="bold", zorder=4, color=INK
-        )  # fmt: skip
+        middle = {"ha": "center", "va": "center"}
+        ax.annotate(str(place + 1), point, fontsize=8.5, weight="bold", zorder=4, color=INK, **middle)
     ax.set_title(f"Memory {memory.name}", fontsize=10)
     panels = right.subplots(3, 2, sharex=True, sharey=True)
     for place, panel in enumerate(panels.ravel()):
@@ -303,8 +290,8 @@ def walk(memory: Memory, charted: PBMap) -> Figure:
         letter = action_letter(int(scores.nearest[place]))
         told = f"{scores.outcome[place].replace('_', '-')}, nearest {letter} {nearest.replace('_', ' ')}"
         draw_movement(panel, generated[place], memory.demonstrations)
-        panel.set_title(f"{place + 1}: {told}\nPB ({points[place, 0]:+.2f}, {points[place, 1]:+.2f}), "
-                        f"DTW {scores.novelty[place]:.1f}", fontsize=8.5)  # fmt: skip
+        where = f"PB {_place(points[place])}, DTW {scores.novelty[place]:.1f}"
+        panel.set_title(f"{place + 1}: {told}\n{where}", fontsize=8.5)
     for panel in panels[-1]:
         panel.set_xlabel("time [s]")
     right.supylabel("joint angle [rad]", fontsize=10)
@@ -341,35 +328,30 @@ def draw_pictures(
     Returns:
         What the captions say: the seed that is shown, the walk, what is missing from the examples.
     """
-    memories = {entry.name: entry.load() for entry in bank}
-    charts = {entry.name: PBMap.load(map_path(folder, entry)) for entry in bank}
-    per = {name: [entry for entry in bank if entry.condition == name] for name in CONDITION_NAMES}
-    shown = {name: per[name][0] for name in CONDITION_NAMES}
-    half = memories[shown["half"].name]
+    every = [
+        Network(entry, entry.load(), PBMap.load(map_path(folder, entry)), figures)
+        for entry, figures in zip(bank, networks, strict=True)
+    ]
+    per = {name: [one for one in every if one.entry.condition == name] for name in CONDITION_NAMES}
+    _, half, charted, _ = per["half"][0]
     # Half closed first, as in the paper's Fig. 3 and 5, then the others.
-    ordered = sorted(bank, key=lambda entry: entry.condition != "half")
-    combinations = {one["name"]: one["clearest_combination"] for one in networks}
-    images = folder / "images"
+    half_first = sorted(every, key=lambda one: one.entry.condition != "half")
     with styled():
-        by_condition = {name: [memories[entry.name] for entry in per[name]] for name in CONDITION_NAMES}
-        save(learning_curves(by_condition), images / "paper_learning.png")
-        save(table_dots(networks, rows), images / "paper_table.png")
-        save(basic_actions(half.demonstrations), images / "paper_actions.png")
-        example_figure, missing = examples(
-            [memories[entry.name] for entry in ordered],
-            [charts[entry.name] for entry in ordered],
-            [combinations[entry.name] for entry in ordered],
-            np.random.default_rng(seed),
-        )
-        save(example_figure, images / "paper_examples.png")
-        save(three_maps({name: charts[entry.name] for name, entry in shown.items()}), images / "paper_maps.png")
-        several = {name: [(entry.seed, charts[entry.name]) for entry in per[name]] for name in CONDITION_NAMES}
-        save(all_maps(several), images / "paper_all_maps.png")
-        save(walk(half, charts[shown["half"].name]), images / "paper_walk.png")
+        example_figure, missing = examples(half_first, np.random.default_rng(seed))
+        for name, drawn in (
+            ("learning", learning_curves(per)),
+            ("table", table_dots(per, rows)),
+            ("actions", basic_actions(half.demonstrations)),
+            ("examples", example_figure),
+            ("maps", three_maps(per)),
+            ("all_maps", all_maps(per)),
+            ("walk", walk(half, charted)),
+        ):
+            save(drawn, folder / "images" / f"paper_{name}.png")
     points, between = walk_points(half)
     return {
-        "shown_seed": shown["half"].seed,
-        "n_epochs": sorted({memory.training.n_epochs for memory in memories.values()}),
+        "shown_seed": per["half"][0].entry.seed,
+        "n_epochs": sorted({one.memory.training.n_epochs for one in every}),
         "examples_missing": missing,
         "walk": {"memory": half.name, "between": list(between), "pb": points.tolist()},
     }

@@ -69,12 +69,6 @@ def mean_cell(measured: Mapping[str, float | None] | None) -> str:
     return DASH if measured is None else f"{number(measured['mean'])}{interval(measured['low'], measured['high'])}"
 
 
-def range_cell(spread: Mapping[str, Mapping[str, float]], field: str) -> str:
-    """Return the smallest and the largest value over seeds."""
-    extremes = spread.get(field)
-    return DASH if extremes is None else f"{number(extremes['smallest'])} to {number(extremes['largest'])}"
-
-
 def by_condition(values: Mapping[str, Any], digits: int | None = None) -> str:
     """Return one figure, or mean, of the three conditions: open / half / closed."""
     plain = [values.get(name) for name in CONDITION_NAMES]
@@ -127,7 +121,6 @@ def make_page(content: Mapping[str, Any], *, results_at: str = "") -> str:
                 signed=signed,
                 interval=interval,
                 mean_cell=mean_cell,
-                range_cell=range_cell,
                 by_condition=by_condition,
             )
         except jinja2.UndefinedError as error:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from creative_nao.evaluation.paper.claims import CLAIMS, judge
+from creative_nao.evaluation.paper.claims import CLAIMS, CONVERGED_LEVEL, OWNED_PCT, SHOWS, judge
 from creative_nao.evaluation.paper.comparisons import FAILS, HOLDS, UNDECIDED
 
 AS_IN_THE_PAPER = {
@@ -82,5 +82,12 @@ def test_no_claim_depends_on_the_name_of_a_seed(make_networks, condition):
     assert verdicts(networks) == verdicts(renamed)
 
 
-def test_every_claim_has_a_name_of_its_own():
-    assert len({claim.key for claim in CLAIMS}) == len(CLAIMS)
+def test_every_claim_has_a_name_of_its_own_and_one_thing_that_decides_it():
+    assert len({claim.key for claim in CLAIMS}) == len(CLAIMS) == 18
+    assert {claim.key for claim in CLAIMS if not claim.pairs} == set(SHOWS)
+
+
+def test_claims_tell_the_levels_that_decide_them():
+    measured = {claim.key: claim.measured for claim in CLAIMS}
+    assert all(f"below {100 * CONVERGED_LEVEL:g} % of" in measured[key] for key in ("converges", "open-fastest"))
+    assert f"on at least {OWNED_PCT} % of the map" in measured["own-region"]
