@@ -107,7 +107,7 @@ class PhysicalMapHeader:
             raise SettingsError(f"`n_done` should be at most {self.resolution**2}, but is {self.n_done}")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class PhysicalMap(PBMap):
     """A `PBMap` whose movements the robot performed: `outcome`, `nearest` and `distance` are of what it measured.
 

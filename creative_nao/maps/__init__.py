@@ -1,15 +1,16 @@
-"""The chart of a memory: which movement lies where in its PB space (the paper's Fig. 4).
+"""The map of a memory: which movement lies where in its PB space (the paper's Fig. 4).
 
 - `pb_map` -> `PBMap`: the whole grid generated and scored, saved, loaded, drawn.
 - `pb_slice` -> `PBSlice`: the same over two of several PB units.
 - `landscape` -> `Landscape`: the shape of a map in numbers (regions, borders, evenness, ruggedness).
-- `COLOURINGS`, `check_colour`, `colour_values`: what the colours of a map may tell (`colouring.py`).
+- `COLOURINGS`, `check_colour`, `colour_values`: what the colours of a map may tell.
 - `pb_grid`, `nearest_cell`: the points of the grid.
 """
 
-from creative_nao.maps.colours import COLOURINGS, check_colour, colour_values
+from creative_nao.maps.grid import PAPER_RESOLUTION, nearest_cell, pb_grid
 from creative_nao.maps.landscape import Landscape, landscape
-from creative_nao.maps.map import PAPER_RESOLUTION, PBMap, PBSlice, nearest_cell, pb_grid, pb_map, pb_slice
+from creative_nao.maps.map import PBMap, PBSlice, pb_map, pb_slice
+from creative_nao.maps.picture import COLOURINGS, check_colour, colour_values
 
 __all__ = [
     "COLOURINGS",

@@ -3,92 +3,21 @@
 Two readings of a map are kept apart, since they answer different questions. A *learned region* is made of cells where a
 basic action comes back (outcome `learned`). A *nearest region* is made of appropriate cells whose nearest basic action
 is the same, learned or not: the coloured areas of Fig. 4. Cells that cannot be used belong to neither.
-
-Also here:
-- The compiled heart of `regions.py`: which cells of a grid hang together.
-- Connected regions of a chart, and the borders between them.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from creative_nao.errors import SettingsError
-from creative_nao.maps.map import PBMap, neighbour_pairs
+from creative_nao.errors import SettingsError, shown
+from creative_nao.maps.grid import n_border_edges, neighbour_pairs, region_sizes
+from creative_nao.maps.picture import GridMap
 from creative_nao.measures import OUTCOMES, dtw_pairs
 from creative_nao.model import Memory
-from creative_nao.model.simd import compiled
-
-
-@compiled()
-def first_cells(labels):
-    """Return for each cell of `labels`, (n_rows, n_columns) of int, the first cell of its region, (n_cells,)."""
-    n_rows, n_columns = labels.shape
-    root = np.arange(n_rows * n_columns)
-    for i in range(n_rows):
-        for j in range(n_columns):
-            for side in range(2):
-                if (side == 0 and j > 0 and labels[i, j - 1] == labels[i, j]) or (
-                    side == 1 and i > 0 and labels[i - 1, j] == labels[i, j]
-                ):
-                    a = i * n_columns + j
-                    b = a - 1 if side == 0 else a - n_columns
-                    while root[a] != a:
-                        root[a] = root[root[a]]
-                        a = root[a]
-                    while root[b] != b:
-                        root[b] = root[root[b]]
-                        b = root[b]
-                    if a < b:
-                        root[b] = a
-                    else:
-                        root[a] = b
-    for cell in range(root.shape[0]):  # a root is the smallest of its region, so one pass in order is enough
-        root[cell] = root[root[cell]]
-    return root
-
-
-class Regions(NamedTuple):
-    """The connected regions of a labelled grid.
-
-    Attributes:
-        region: Region of each cell, numbered from 0 in the order of their first cells; -1 where the label is negative.
-            Shape of the grid.
-        label: Label of each region, shape (n_regions,).
-        size: Cells of each region, shape (n_regions,).
-    """
-
-    region: np.ndarray
-    label: np.ndarray
-    size: np.ndarray
-
-
-def connected_regions(labels: np.ndarray) -> Regions:
-    """Join neighbouring cells of equal label; each cell has four neighbours, corners do not touch.
-
-    Args:
-        labels: Shape (n_rows, n_columns) of int; cells with a negative label belong to no region.
-
-    Example:
-        >>> connected_regions(np.array([[0, 1, 0], [0, 1, -1]])).region.tolist()
-        [[0, 1, 2], [0, 1, -1]]
-    """
-    root = first_cells(np.ascontiguousarray(labels, dtype=np.int64))
-    firsts = np.flatnonzero((root == np.arange(root.size)) & (labels.ravel() >= 0))
-    number = np.full(root.size, -1)
-    number[firsts] = np.arange(len(firsts))
-    region = np.where(labels >= 0, number[root].reshape(labels.shape), -1)
-    sizes = np.bincount(region[region >= 0], minlength=len(firsts))
-    return Regions(region, labels.ravel()[firsts], sizes)
-
-
-def n_border_edges(labels: np.ndarray) -> int:
-    """Return how many pairs of neighbouring cells of a grid have different labels."""
-    return int((labels[1:] != labels[:-1]).sum() + (labels[:, 1:] != labels[:, :-1]).sum())
 
 
 @dataclass(frozen=True)
@@ -167,7 +96,7 @@ class Landscape:
         return dataclasses.asdict(self)
 
 
-def landscape(pb_map: PBMap, memory: Memory | None = None) -> Landscape:
+def landscape(pb_map: GridMap, memory: Memory | None = None) -> Landscape:
     """Measure the shape of a map.
 
     Args:
@@ -175,8 +104,10 @@ def landscape(pb_map: PBMap, memory: Memory | None = None) -> Landscape:
         memory: Generates the trajectories again, for the ruggedness, where the map, read from a file, has none.
 
     Raises:
-        SettingsError: If the map is not of `memory`.
+        SettingsError: If the map is none, or not of `memory`.
     """
+    if not isinstance(pb_map, GridMap):
+        raise SettingsError(f"`pb_map` should be a map, such as `pb_map(memory)` makes, but is {shown(pb_map)}")
     n = pb_map.resolution
     labels = np.where(pb_map.appropriate, pb_map.nearest, -1).reshape(n, n)
     learned_labels = np.where(pb_map.outcome == "learned", pb_map.nearest, -1).reshape(n, n)
@@ -216,16 +147,15 @@ def evenness(sizes: list[float] | np.ndarray) -> float | None:
 
 
 def _by_action(labels: np.ndarray, names: tuple[str, ...]) -> dict[str, ActionRegions]:
-    regions = connected_regions(labels)
     found = {}
+    percent = 100.0 / labels.size
     for place, name in enumerate(names):
-        sizes = regions.size[regions.label == place]
-        percent = 100.0 / labels.size
+        sizes = region_sizes(labels == place)
         found[name] = ActionRegions(float(sizes.sum() * percent), len(sizes), float(sizes.max(initial=0) * percent))
     return found
 
 
-def _ruggedness(pb_map: PBMap, memory: Memory | None) -> Ruggedness | None:
+def _ruggedness(pb_map: GridMap, memory: Memory | None) -> Ruggedness | None:
     trajectories = pb_map.trajectories
     if trajectories is None:
         if memory is None:

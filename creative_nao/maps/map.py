@@ -1,9 +1,4 @@
-"""Evenly spaced points of the two-dimensional PB space.
-
-Also here:
-- The PB map: every point of a grid over the PB space, performed in the mind and scored.
-- A chart over two of several PB units, the others held: a slice through a PB space that no sheet of paper holds.
-"""
+"""The map of a memory: every point of a grid over its PB space generated and scored, or a slice through it."""
 
 from __future__ import annotations
 
@@ -13,78 +8,62 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from creative_nao.arrays import read_npz
-from creative_nao.arrays import take as take_array
-from creative_nao.errors import NotFoundError, SettingsError, ShapeError
-from creative_nao.fields import only_arrays, take_header, take_record
+from creative_nao.arrays import load_tensors, npz_header, only_arrays, read_npz, save_tensors, take
+from creative_nao.errors import NotFoundError, SettingsError, ShapeError, shown
+from creative_nao.maps.figure_style import write_figure
+from creative_nao.maps.grid import PAPER_RESOLUTION, pb_grid
+from creative_nao.maps.picture import GridMap, draw_map
 from creative_nao.measures import OUTCOMES, Criteria, score
-from creative_nao.measures.outcome import APPROPRIATE
+from creative_nao.measures.dtw import as_numbers
 from creative_nao.model import Memory
-from creative_nao.runtime import record
+from creative_nao.runtime import record as record_of_making
+from creative_nao.schema import AfterValidator, Field, JsonObject, Names, Version1, checked, dump, parse, record
 from creative_nao.storage import write_bytes
 
-PAPER_RESOLUTION = 200
-"""Points along each axis in the paper: 40,000 in all."""
-
-
-def pb_grid(resolution: int = PAPER_RESOLUTION) -> np.ndarray:
-    """Return `resolution` x `resolution` PB points evenly spaced in [-1, 1]^2, ends included.
-
-    Args:
-        resolution: Points along each axis, at least 2.
-
-    Returns:
-        Shape (resolution^2, 2), float64. The first PB unit changes fastest: point k lies in column k % resolution of
-        the row k // resolution, rows going up with the second unit.
-
-    Raises:
-        SettingsError: If `resolution` is below 2.
-    """
-    if resolution < 2:
-        raise SettingsError(f"`resolution` should be at least 2, but is {resolution}")
-    axis = np.linspace(-1.0, 1.0, resolution)
-    first, second = np.meshgrid(axis, axis, indexing="xy")
-    return np.stack([first, second], axis=-1).reshape(-1, 2)
-
-
-def neighbour_pairs(resolution: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pairs of neighbours in `pb_grid(resolution)`, each once: first members and second ones, as indices.
-
-    Returns:
-        Twice shape (2 * resolution * (resolution - 1),): neighbours in a row, then those above each other.
-    """
-    cells = np.arange(resolution**2).reshape(resolution, resolution)
-    first = np.concatenate([cells[:, :-1].ravel(), cells[:-1].ravel()])
-    second = np.concatenate([cells[:, 1:].ravel(), cells[1:].ravel()])
-    return first, second
-
-
-def nearest_cell(pb: np.ndarray, resolution: int = PAPER_RESOLUTION) -> np.ndarray:
-    """Return the index in `pb_grid(resolution)` nearest to each PB point: (n, 2) in [-1, 1] into (n,)."""
-    cell = np.rint((np.asarray(pb) + 1.0) / 2.0 * (resolution - 1)).astype(np.int64)
-    return cell[:, 1] * resolution + cell[:, 0]
-
-
-FORMAT_VERSION = 1
+KIND = "PB map"
 MAX_RESOLUTION = 4000
 MAX_DISTANCE = 1e30
 """Largest distance of a file; float32 ends at 3e38."""
-ARRAYS = ("header", "outcome", "nearest", "distance", "learned_pb")
+ARRAYS = ("outcome", "nearest", "distance", "learned_pb")
 """Of a map file."""
+CODES = tuple(sorted(OUTCOMES))
+"""Outcomes in the order of their codes in a file."""
+
+Resolution = Annotated[int, Field(ge=2, le=MAX_RESOLUTION)]
 
 
-@dataclass(frozen=True, eq=False)
-class PBMap:
+def _has_settings(made_by: dict[str, Any]) -> dict[str, Any]:
+    if not isinstance(made_by.get("settings", {}), dict):
+        raise ValueError("a JSON object whose `settings`, if there are any, are an object")
+    return made_by
+
+
+Provenance = Annotated[JsonObject, AfterValidator(_has_settings)]
+"""What a file says of its making."""
+
+
+@record
+class MapHeader:
+    """What a map file says of itself, beside its arrays."""
+
+    format_version: Version1
+    resolution: Resolution
+    names: Names
+    record: Provenance
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PBMap(GridMap):
     """A scored grid over the PB space of a memory.
 
     Attributes:
         resolution: Points along each axis; there are n = resolution^2.
-        pb: The points, shape (n, 2), in the order of `grid.pb_grid`.
+        pb: The points, shape (n, 2), in the order of `pb_grid`.
         outcome: `learned`, `unlearned`, `fluctuating` or `non_moving` each, shape (n,) of str.
         nearest: Which basic action each is nearest to, shape (n,) of int.
         distance: DTW distance to it [rad], shape (n,).
@@ -107,38 +86,24 @@ class PBMap:
     trajectories: np.ndarray | None = None
     dt_s: float | None = None
 
-    @property
-    def appropriate(self) -> np.ndarray:
-        """Whether each point's movement can be used, shape (n,) of bool."""
-        return np.isin(self.outcome, APPROPRIATE)
-
-    def share_pct(self, outcome: str) -> float:
-        """Return the share of the map with this outcome [%]."""
-        return 100.0 * float(np.mean(self.outcome == outcome))
-
-    def learned_region_pct(self) -> np.ndarray:
-        """Return the share of the map where each basic action comes back (outcome learned) [%], shape (n_actions,)."""
-        mine = self.nearest[None, :] == np.arange(len(self.names))[:, None]
-        return 100.0 * np.mean(mine & (self.outcome == "learned"), axis=1)
-
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the map, without trajectories, to an NPZ file in one step and return its path."""
-        header = {
-            "format_version": FORMAT_VERSION,
-            "resolution": self.resolution,
-            "names": list(self.names),
-            "record": self.record,
-        }
-        arrays: dict[str, Any] = {
-            "outcome": np.searchsorted(sorted(OUTCOMES), self.outcome).astype(np.int8),
+        """Write the map, without trajectories, in one step and return its path.
+
+        A path that ends in ``.npz`` gets an NPZ file, every other one a safetensors file; `load` reads both.
+        """
+        header = dump(MapHeader(format_version=1, resolution=self.resolution, names=self.names, record=self.record))
+        arrays = {
+            "outcome": np.searchsorted(CODES, self.outcome).astype(np.int8),
             "nearest": self.nearest.astype(np.int16),
             "distance": self.distance,
             "learned_pb": self.learned_pb,
-            "header": np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8),
         }
+        if Path(path).suffix != ".npz":
+            return save_tensors(path, kind=KIND, header=header, tensors=arrays)
+        told = np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8)
         # In memory first: on a full disk, an archive that is being written complains once more when it is dropped.
         content = io.BytesIO()
-        np.savez_compressed(content, **arrays)  # plain numbers only: nothing is pickled
+        np.savez_compressed(content, **arrays, header=told)  # plain numbers only: nothing is pickled
         return write_bytes(path, content.getvalue())
 
     @classmethod
@@ -152,35 +117,27 @@ class PBMap:
         source = Path(path)
         if not source.is_file():
             raise NotFoundError(f"no PB map at {source}; make one with `creative-nao map MEMORY --out {source}`")
-        arrays = read_npz(source, "PB map", largest=16 * MAX_RESOLUTION**2)
+        if source.suffix == ".npz":
+            arrays = read_npz(source, KIND, largest=16 * MAX_RESOLUTION**2)
+            values = npz_header(source, arrays, KIND)
+            del arrays["header"]
+        else:
+            values, arrays = load_tensors(source, kind=KIND)
         only_arrays(source, arrays, ARRAYS)
-        header = take_header(source, arrays, "PB map")
-        header.version("format_version", FORMAT_VERSION)
-        resolution, names = header.whole("resolution", 2, MAX_RESOLUTION), header.names("names")
-        n = (resolution**2,)
-        codes = take_array(source, arrays, "outcome", n, kinds="iu", least=0, most=len(OUTCOMES) - 1)
-        nearest = take_array(source, arrays, "nearest", n, kinds="iu", least=0, most=len(names) - 1)
-        distance = take_array(source, arrays, "distance", n, kinds="f", least=0.0, most=MAX_DISTANCE)
-        learned_pb = take_array(source, arrays, "learned_pb", (len(names), 2), kinds="f", least=-1.0, most=1.0)
-        outcome = np.array(sorted(OUTCOMES))[codes]
+        header = parse(MapHeader, values, f"{source}: `header`")
+        n, n_actions = (header.resolution**2,), len(header.names)
+        codes = take(source, arrays, "outcome", n, kinds="iu", least=0, most=len(CODES) - 1)
+        nearest = take(source, arrays, "nearest", n, kinds="iu", least=0, most=n_actions - 1)
         return cls(
-            resolution, pb_grid(resolution), outcome, nearest.astype(np.int64), distance, learned_pb, names,
-            take_record(header),
-        )  # fmt: skip
-
-    def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
-        """Draw the map in the manner of the paper's Fig. 4, or coloured by a measure.
-
-        Args:
-            path: PNG or SVG to write; with None nothing is written.
-            **options: Handed to `picture.draw_map`, such as ``colour="speed"``.
-
-        Returns:
-            The matplotlib figure.
-        """
-        from creative_nao.maps.picture import draw_map
-
-        return draw_map(self, path, **options)
+            resolution=header.resolution,
+            pb=pb_grid(header.resolution),
+            outcome=np.array(CODES)[codes],
+            nearest=nearest.astype(np.int64),
+            distance=take(source, arrays, "distance", n, least=0.0, most=MAX_DISTANCE),
+            learned_pb=take(source, arrays, "learned_pb", (n_actions, 2), least=-1.0, most=1.0),
+            names=header.names,
+            record=header.record,
+        )
 
 
 def pb_map(memory: Memory, resolution: int = PAPER_RESOLUTION, criteria: Criteria | None = None) -> PBMap:
@@ -194,30 +151,40 @@ def pb_map(memory: Memory, resolution: int = PAPER_RESOLUTION, criteria: Criteri
     Raises:
         SettingsError: If the memory does not have two PB units or `resolution` is below 2.
     """
-    if memory.network.n_pb != 2:
-        hint = "; `pb_slice` charts two of them" if memory.network.n_pb > 2 else ""
-        raise SettingsError(f"a PB map needs a memory with n_pb = 2, but this one has {memory.network.n_pb}{hint}")
-    if resolution > MAX_RESOLUTION:
-        raise SettingsError(f"`resolution` should be at most {MAX_RESOLUTION}, but is {resolution}")
-    criteria = Criteria() if criteria is None else criteria
-    pb = pb_grid(resolution)
+    if (n_pb := _pb_units(memory)) != 2:
+        hint = "; `pb_slice` charts two of them" if n_pb > 2 else ""
+        raise SettingsError(f"a PB map needs a memory with n_pb = 2, but this one has {n_pb}{hint}")
+    resolution = checked(Resolution, resolution, "resolution")
+    settings = {"memory": memory.name, "resolution": resolution}
+    return PBMap(learned_pb=memory.pb, **_scored(memory, resolution, pb_grid(resolution), criteria, settings))
+
+
+def _pb_units(memory: Memory) -> int:
+    if not (hasattr(memory, "network") and hasattr(memory, "generate")):
+        raise SettingsError(f'`memory` should be a memory, such as `load_memory("half/0")`, but is {shown(memory)}')
+    return memory.network.n_pb
+
+
+def _scored(
+    memory: Memory, resolution: int, pb: np.ndarray, criteria: Criteria | None, settings: dict[str, Any]
+) -> dict[str, Any]:
+    """Generate and score the PB points (n, n_pb) of a grid; return the fields that a map and a slice have alike."""
     trajectories = memory.generate(pb)
-    scores = score(trajectories, memory.demonstrations, criteria)
-    return PBMap(
-        resolution=resolution,
-        pb=pb,
-        outcome=scores.outcome,
-        nearest=scores.nearest,
-        distance=scores.novelty,
-        learned_pb=memory.pb,
-        names=memory.demonstrations.names,
-        record=record(settings={"memory": memory.name, "resolution": resolution}),
-        trajectories=trajectories,
-        dt_s=memory.dt_s,
-    )
+    scores = score(trajectories, memory.demonstrations, Criteria() if criteria is None else criteria)
+    return {
+        "resolution": resolution,
+        "pb": pb_grid(resolution),
+        "outcome": scores.outcome,
+        "nearest": scores.nearest,
+        "distance": scores.novelty,
+        "names": memory.demonstrations.names,
+        "record": record_of_making(settings=settings),
+        "trajectories": trajectories,
+        "dt_s": memory.dt_s,
+    }
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class PBSlice(PBMap):
     """A scored grid over two PB units. Everything a `PBMap` has, and where the slice lies.
 
@@ -239,8 +206,6 @@ class PBSlice(PBMap):
 
     def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
         """Draw the slice as `PBMap.plot` draws a map, its two PB units at the axes."""
-        from creative_nao.maps.picture import draw_map, write_figure
-
         held = ", ".join(f"PB {k + 1} = {v:.3g}" for k, v in enumerate(self.at) if k not in self.axes)
         figure = draw_map(self, **{"title": f"Slice at {held}" if held else None, **options})
         figure.axes[0].set(xlabel=f"PB {self.axes[0] + 1}", ylabel=f"PB {self.axes[1] + 1}")
@@ -270,35 +235,21 @@ def pb_slice(
         SettingsError: If `axes` are not two different units of the memory or `resolution` is out of range.
         ShapeError: If `at` is not (n_pb,) in [-1, 1].
     """
-    n_pb = memory.network.n_pb
-    pair = tuple(int(k) for k in axes)
-    if len(pair) != 2 or pair[0] == pair[1] or not all(0 <= k < n_pb for k in pair):
+    n_pb = _pb_units(memory)
+    pair = tuple(axes) if isinstance(axes, Sequence) else ()
+    known = [k for k in pair if isinstance(k, int | np.integer) and 0 <= k < n_pb]
+    if len(pair) != 2 or len(set(known)) != 2:
         raise SettingsError(
-            f"`axes` should be two different PB units of this memory, from 0 to {n_pb - 1}, but is {tuple(axes)}"
+            f"`axes` should be two different PB units of this memory, from 0 to {n_pb - 1}, but is {shown(axes)}"
         )
-    if resolution > MAX_RESOLUTION:
-        raise SettingsError(f"`resolution` should be at most {MAX_RESOLUTION}, but is {resolution}")
-    place = np.zeros(n_pb) if at is None else np.array(at, dtype=np.float64)
+    pair = (int(pair[0]), int(pair[1]))
+    resolution = checked(Resolution, resolution, "resolution")
+    place = np.zeros(n_pb) if at is None else as_numbers(at, "at").copy()
     if place.shape != (n_pb,) or not (np.abs(place) <= 1).all():
         raise ShapeError(f"`at` should hold {n_pb} PB values in [-1, 1], but is {place.tolist()}")
-    pb = pb_grid(resolution)
-    trajectories = memory.generate(_filled(pb, pair, place))
-    scores = score(trajectories, memory.demonstrations, Criteria() if criteria is None else criteria)
     settings = {"memory": memory.name, "resolution": resolution, "axes": list(pair), "at": place.tolist()}
-    return PBSlice(
-        resolution=resolution,
-        pb=pb,
-        outcome=scores.outcome,
-        nearest=scores.nearest,
-        distance=scores.novelty,
-        learned_pb=memory.pb[:, list(pair)],
-        names=memory.demonstrations.names,
-        record=record(settings=settings),
-        trajectories=trajectories,
-        dt_s=memory.dt_s,
-        axes=pair,
-        at=place,
-    )
+    scored = _scored(memory, resolution, _filled(pb_grid(resolution), pair, place), criteria, settings)
+    return PBSlice(learned_pb=memory.pb[:, list(pair)], axes=pair, at=place, **scored)
 
 
 def _filled(pb: np.ndarray, axes: tuple[int, int], at: np.ndarray) -> np.ndarray:

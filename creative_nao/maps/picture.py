@@ -1,31 +1,200 @@
-"""The PB map as a picture, in the manner of the paper's Fig. 4."""
+"""A scored grid over the PB space and its picture: in the manner of the paper's Fig. 4, or coloured by a measure."""
 
 from __future__ import annotations
 
+import io
 import os
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from creative_nao.maps.colours import (
-    INK,
-    NEAREST,
-    PAPER_WHITE,
-    UNUSABLE,
-    action_colour,
-    action_letter,
-    colour_values,
-    rgb,
-)
+from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name
+from creative_nao.maps.colours import INK, PAPER_WHITE, UNUSABLE, action_colour, action_letter, rgb
 from creative_nao.maps.figure_style import write_figure
+from creative_nao.maps.grid import neighbour_pairs
+from creative_nao.measures import dtw_pairs, excursions, largest_speeds, unexpectedness
+from creative_nao.measures.dtw import as_numbers
+from creative_nao.measures.outcome import ALL_OUTCOMES, APPROPRIATE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
-    from creative_nao.maps.map import PBMap
+
+class GridMap:
+    """What every map over a grid of PB points has, whoever performed the movements; subclasses are dataclasses.
+
+    Attributes:
+        resolution: Points along each axis; there are n = resolution^2.
+        pb: The points, shape (n, 2), in the order of `pb_grid`.
+        outcome: One of `measures.outcome.ALL_OUTCOMES` each, shape (n,) of str.
+        nearest: Which basic action each is nearest to, shape (n,) of int.
+        distance: DTW distance to it [rad], shape (n,).
+        learned_pb: Where the basic actions themselves lie, shape (n_actions, 2).
+        names: Names of the basic actions.
+        record: Memory, settings and versions that made the map.
+        trajectories: The movement of each point [rad], shape (n, n_steps, n_joints), if the map holds them.
+        dt_s: Tick of the trajectories [s].
+    """
+
+    resolution: int
+    pb: np.ndarray
+    outcome: np.ndarray
+    nearest: np.ndarray
+    distance: np.ndarray
+    learned_pb: np.ndarray
+    names: tuple[str, ...]
+    record: dict[str, Any]
+    trajectories: np.ndarray | None = None
+    dt_s: float | None = None
+
+    @property
+    def memory_name(self) -> str:
+        """Name of the memory, as the record tells it, or empty."""
+        return str(self.record.get("settings", {}).get("memory", ""))
+
+    @property
+    def appropriate(self) -> np.ndarray:
+        """Whether each point's movement can be used, shape (n,) of bool."""
+        return np.isin(self.outcome, APPROPRIATE)
+
+    def share_pct(self, outcome: str) -> float:
+        """Return the share of the map with this outcome [%]."""
+        return 100.0 * float(np.mean(self.outcome == outcome))
+
+    def learned_region_pct(self) -> np.ndarray:
+        """Return the share of the map where each basic action comes back (outcome learned) [%], shape (n_actions,)."""
+        mine = self.nearest[None, :] == np.arange(len(self.names))[:, None]
+        return 100.0 * np.mean(mine & (self.outcome == "learned"), axis=1)
+
+    def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Figure:
+        """Draw the map in the manner of the paper's Fig. 4, or coloured by a measure.
+
+        Args:
+            path: PNG or SVG to write; with None nothing is written.
+            **options: Handed to `draw_map`, such as ``colour="speed"``.
+
+        Returns:
+            The matplotlib figure.
+        """
+        return draw_map(self, path, **options)
+
+    def __repr__(self) -> str:
+        name = f" of memory {self.memory_name}" if self.memory_name else ""
+        shares = {outcome: self.share_pct(outcome) for outcome in ALL_OUTCOMES}
+        told = ", ".join(f"{share:.1f} % {outcome}" for outcome, share in shares.items() if share)
+        return f"{type(self).__name__}{name}: {self.resolution} x {self.resolution} points; {told}"
+
+    def _repr_png_(self) -> bytes:
+        """Return the picture that a notebook shows."""
+        stream = io.BytesIO()
+        self.plot().savefig(stream, format="png", dpi=90)
+        return stream.getvalue()
+
+
+NEAREST = "nearest"
+"""The colouring of the paper's Fig. 4, which is no number: nearest basic action, strong where it is similar."""
+
+
+@dataclass(frozen=True)
+class Colouring:
+    """A measure that every point of a map has.
+
+    Attributes:
+        label: What it is, with its unit, beside the scale.
+        needs_trajectories: Whether it is worked out from the movements, which a map read from a file does not hold.
+        values: Gives it for every point of a map, shape (n,).
+    """
+
+    label: str
+    needs_trajectories: bool
+    values: Callable[[GridMap], np.ndarray]
+
+
+def neighbour_distances(pb_map: GridMap) -> np.ndarray:
+    """Return the mean DTW distance of each point's movement to those of its neighbours in the grid [rad], shape (n,).
+
+    A point has four neighbours, at an edge three, in a corner two.
+    """
+    n_cells = pb_map.resolution**2
+    first, second = neighbour_pairs(pb_map.resolution)
+    distances = dtw_pairs(_trajectories(pb_map), first, second)
+    total = np.bincount(first, distances, n_cells) + np.bincount(second, distances, n_cells)
+    return total / (np.bincount(first, minlength=n_cells) + np.bincount(second, minlength=n_cells))
+
+
+def _unexpectedness(pb_map: GridMap) -> np.ndarray:
+    """Against the map's own usable points: what an even draw from them would be expected to find."""
+    usable = pb_map.distance[pb_map.appropriate]
+    return unexpectedness(pb_map.distance, usable if len(usable) else pb_map.distance)
+
+
+def _speeds(pb_map: GridMap) -> np.ndarray:
+    if pb_map.dt_s is None:
+        raise SettingsError("a map coloured by speed needs its tick, `dt_s`, which this one does not hold.")
+    return largest_speeds(_trajectories(pb_map), pb_map.dt_s).max(axis=1)
+
+
+def _trajectories(pb_map: GridMap) -> np.ndarray:
+    assert pb_map.trajectories is not None  # `colour_values` refuses a map without
+    return pb_map.trajectories
+
+
+COLOURINGS: dict[str, Colouring] = {
+    "novelty": Colouring("novelty: DTW distance to the nearest basic action [rad]", False, lambda one: one.distance),
+    "unexpectedness": Colouring("unexpectedness among the usable movements of the map [bit]", False, _unexpectedness),
+    "speed": Colouring("largest speed of a joint [rad/s]", True, _speeds),
+    "excursion": Colouring("way of the most moving joint [rad]", True, lambda one: excursions(_trajectories(one))),
+    "ruggedness": Colouring("mean DTW distance to the neighbouring movements [rad]", True, neighbour_distances),
+}
+"""Every colouring that is a number, by name."""
+
+
+def check_colour(name: str) -> str:
+    """Return the name of a colouring.
+
+    Raises:
+        NotFoundError: If there is none of this name; the message has the nearest one.
+    """
+    known = (NEAREST, *COLOURINGS)
+    if name not in known:
+        raise NotFoundError(f"no colouring `{name}`{nearest_name(name, known)}; there are {', '.join(known)}.")
+    return name
+
+
+def colour_values(pb_map: GridMap, colour: str | ArrayLike) -> tuple[np.ndarray, str]:
+    """Return the number that colours each point, shape (n,), and what it is.
+
+    Args:
+        pb_map: The map.
+        colour: A name of `COLOURINGS`, or numbers of one's own, shape (n,), in the order of the map's points.
+
+    Raises:
+        NotFoundError: If there is no colouring of this name.
+        SettingsError: If it needs the movements and the map, read from a file, has none.
+        ShapeError: If numbers of one's own do not fit the map or are not finite.
+    """
+    if isinstance(colour, str):
+        if check_colour(colour) == NEAREST:
+            raise SettingsError(f"`{NEAREST}` is no number; those that are: {', '.join(COLOURINGS)}.")
+        one = COLOURINGS[colour]
+        if one.needs_trajectories and pb_map.trajectories is None:
+            raise SettingsError(
+                f"colouring by {colour} needs the movements, which this map does not hold; "
+                "make it again with `pb_map(memory)`."
+            )
+        return one.values(pb_map), one.label
+    values = as_numbers(colour, "colour")
+    if values.shape != (len(pb_map.pb),) or not np.isfinite(values).all():
+        raise ShapeError(
+            f"`colour` should be a name or {len(pb_map.pb)} finite numbers, one for each point of the map, but has "
+            f"shape {values.shape}{'' if np.isfinite(values).all() else ' and values that are not finite'}."
+        )
+    return values, ""
 
 
 HALF_DISTANCE = 10.0
@@ -35,7 +204,7 @@ MEASURE_COLOURS = "YlGn"
 """Scale of a measure, from pale to dark in grey too; its dark end is not taken for the purple of what fluctuates."""
 
 
-def map_image(pb_map: PBMap) -> np.ndarray:
+def map_image(pb_map: GridMap) -> np.ndarray:
     """Return the colours of the map, shape (resolution, resolution, 3) in [0, 1], row 0 at PB 2 = -1.
 
     Colour is the nearest basic action, strength its similarity 2^(-distance / 10); what cannot be used has its own.
@@ -47,14 +216,14 @@ def map_image(pb_map: PBMap) -> np.ndarray:
     return _with_unusable(image, pb_map)
 
 
-def measure_span(pb_map: PBMap, values: np.ndarray) -> tuple[float, float]:
+def measure_span(pb_map: GridMap, values: np.ndarray) -> tuple[float, float]:
     """Return the smallest and the largest value among the points that can be used; 0 and 1 if none can."""
     usable = values[pb_map.appropriate]
     return (float(usable.min()), float(usable.max())) if len(usable) else (0.0, 1.0)
 
 
 def measure_image(
-    pb_map: PBMap, values: np.ndarray, span: tuple[float, float] | None = None
+    pb_map: GridMap, values: np.ndarray, span: tuple[float, float] | None = None
 ) -> tuple[np.ndarray, ScalarMappable]:
     """Return the colours of a map that tell a number a point, in the manner of `map_image`, and their scale.
 
@@ -69,13 +238,13 @@ def measure_image(
     return _with_unusable(np.array(scale.to_rgba(values))[:, :3], pb_map), scale
 
 
-def _with_unusable(image: np.ndarray, pb_map: PBMap) -> np.ndarray:
+def _with_unusable(image: np.ndarray, pb_map: GridMap) -> np.ndarray:
     for outcome, (colour, _) in UNUSABLE.items():
         image[pb_map.outcome == outcome] = rgb(colour)
     return image.reshape(pb_map.resolution, pb_map.resolution, 3)
 
 
-def draw_on(axes: Axes, pb_map: PBMap, image: np.ndarray | None = None) -> None:
+def draw_on(axes: Axes, pb_map: GridMap, image: np.ndarray | None = None) -> None:
     """Draw the map with borders, hatching and the letters of the basic actions on matplotlib axes.
 
     The colours are those of `image`, by default of `map_image`.
@@ -107,21 +276,26 @@ def draw_on(axes: Axes, pb_map: PBMap, image: np.ndarray | None = None) -> None:
         )  # fmt: skip
     axes.set(xlim=(-1 - half_cell, 1 + half_cell), ylim=(-1 - half_cell, 1 + half_cell), aspect="equal")
     axes.set(xlabel="PB 1", ylabel="PB 2", xticks=[-1, -0.5, 0, 0.5, 1], yticks=[-1, -0.5, 0, 0.5, 1])
+    axes.grid(visible=False)
 
 
-def legend_handles(pb_map: PBMap, coloured: bool = True) -> list[Any]:
+def legend_handles(pb_map: GridMap, coloured: bool = True, shares: bool = True) -> list[Any]:
     """Return legend entries: each basic action with the share of the map that it fills, and the unusable kinds.
 
-    Where the colours tell something else than the basic action, `coloured` is False.
+    Args:
+        pb_map: The map.
+        coloured: Whether the colours tell the basic action.
+        shares: Whether shares are told; they belong to one map alone.
     """
     from matplotlib.patches import Patch
 
-    shares = pb_map.learned_region_pct()
+    learned_pct = pb_map.learned_region_pct()
     handles = [
         Patch(
             facecolor=action_colour(place) if coloured else "none",
             edgecolor=INK if coloured else "none",
-            label=f"{action_letter(place)}  {name.replace('_', ' ')}  ({shares[place]:.1f} % learned)",
+            label=f"{action_letter(place)}  {name.replace('_', ' ')}"
+            + (f"  ({learned_pct[place]:.1f} % learned)" if shares else ""),
         )
         for place, name in enumerate(pb_map.names)
     ]
@@ -129,13 +303,13 @@ def legend_handles(pb_map: PBMap, coloured: bool = True) -> list[Any]:
         if outcome not in ("fluctuating", "non_moving") and not (pb_map.outcome == outcome).any():
             continue  # the two kinds of the paper are always told, those of the body where they happen
         hatch = hatch[:-1] if len(hatch) > 2 else hatch
-        label = f"{outcome.replace('_', '-')}  ({pb_map.share_pct(outcome):.1f} %)"
+        label = outcome.replace("_", "-") + (f"  ({pb_map.share_pct(outcome):.1f} %)" if shares else "")
         handles.append(Patch(facecolor=colour, edgecolor="white", hatch=hatch, label=label))
     return handles
 
 
 def draw_map(
-    pb_map: PBMap,
+    pb_map: GridMap,
     path: str | os.PathLike[str] | None = None,
     *,
     title: str | None = None,
@@ -150,7 +324,7 @@ def draw_map(
         path: PNG or SVG to write in one step, by its ending; None writes nothing.
         title: Title; default: the name of the memory.
         points: PB points to mark, for example an agent's choices, shape (n, 2).
-        colour: What the colours tell: `nearest`, a measure of `colouring.COLOURINGS`, or a number of one's own for each
+        colour: What the colours tell: `nearest`, a measure of `COLOURINGS`, or a number of one's own for each
             point of the map, shape (n,).
         colour_label: Text beside the scale; default: the measure and its unit.
 
@@ -158,7 +332,7 @@ def draw_map(
         The matplotlib figure.
 
     Raises:
-        CreativeNaoError: If the map cannot be coloured so, as `colouring.colour_values` tells.
+        CreativeNaoError: If the map cannot be coloured so, as `colour_values` tells.
     """
     from matplotlib.figure import Figure
 
@@ -175,10 +349,11 @@ def draw_map(
         figure.colorbar(scale, ax=axes, label=label if colour_label is None else colour_label, shrink=0.82, pad=0.02)
         heading = "letters: the basic actions\nlines: where they come back"
     if points is not None:
-        axes.scatter(points[:, 0], points[:, 1], s=28, color="white", edgecolor="black", linewidth=1.2, zorder=3)
-    name = pb_map.record.get("settings", {}).get("memory", "")
+        marks = as_numbers(points, "points").reshape(-1, 2)
+        axes.scatter(marks[:, 0], marks[:, 1], s=28, color="white", edgecolor="black", linewidth=1.2, zorder=3)
     appropriate = 100.0 * float(pb_map.appropriate.mean())
-    axes.set_title(title if title is not None else f"Memory {name}: {appropriate:.1f} % of the map is appropriate")
+    default = f"Memory {pb_map.memory_name}: {appropriate:.1f} % of the map is appropriate"
+    axes.set_title(default if title is None else title)
     figure.legend(
         handles=legend_handles(pb_map, by_action), loc="outside right upper", frameon=False, fontsize=9,
         title=heading, alignment="left",

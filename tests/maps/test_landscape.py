@@ -1,14 +1,15 @@
 import dataclasses
 import doctest
-import importlib
 import json
+import sys
 
 import numpy as np
 import pytest
 
 from creative_nao.errors import SettingsError
 from creative_nao.maps import PBMap, landscape, pb_grid, pb_map
-from creative_nao.maps.landscape import connected_regions, evenness, n_border_edges
+from creative_nao.maps.grid import n_border_edges, region_sizes
+from creative_nao.maps.landscape import evenness
 from creative_nao.measures import dtw
 
 
@@ -118,46 +119,48 @@ def test_another_memory_is_refused(tiny_memory):
         landscape(chart, tiny_memory)
 
 
-def flood(labels):
-    """Regions by walking, the slow and plain way."""
-    region, n = np.full(labels.shape, -1), 0
-    places = set(np.ndindex(labels.shape))
-    for start in zip(*np.nonzero(labels >= 0), strict=True):
-        if region[start] < 0:
-            todo = [start]
-            while todo:
-                i, j = todo.pop()
-                if (i, j) in places and region[i, j] < 0 and labels[i, j] == labels[start]:
-                    region[i, j] = n
-                    todo += [(i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)]
-            n += 1
-    return region
+def flood(mask):
+    """Sizes of regions by walking, the slow and plain way."""
+    left, sizes = set(zip(*np.nonzero(mask), strict=True)), []
+    for start in zip(*np.nonzero(mask), strict=True):
+        todo, size = [start], 0
+        while todo:
+            i, j = todo.pop()
+            if (i, j) in left:
+                left.remove((i, j))
+                size += 1
+                todo += [(i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)]
+        sizes += [size] if size else []
+    return sizes
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_regions_equal_those_of_a_walk(seed):
-    labels = np.random.default_rng(seed).integers(-1, 2, (23, 31))
-    found = connected_regions(labels)
-
-    assert np.array_equal(found.region, flood(labels))
-    assert found.size.tolist() == [(found.region == k).sum() for k in range(len(found.size))]
-    assert all((labels[found.region == k] == label).all() for k, label in enumerate(found.label))
+    mask = np.random.default_rng(seed).random((23, 31)) < 0.5
+    assert region_sizes(mask).tolist() == flood(mask)
 
 
 def test_a_spiral_is_one_region():
-    spiral = np.array([list(row) for row in ["00000", "11110", "00010", "01110", "00000"]]).astype(int) - 1
+    spiral = np.array([[letter == "1" for letter in row] for row in ["00000", "11110", "00010", "01110", "00000"]])
 
-    assert connected_regions(spiral).size.tolist() == [8]
-    assert connected_regions(-1 - spiral).size.tolist() == [17]
+    assert region_sizes(spiral).tolist() == [8]
+    assert region_sizes(~spiral).tolist() == [17]
 
 
 def test_corners_do_not_touch():
-    assert connected_regions(np.eye(3, dtype=int)).size.tolist() == [1, 3, 3, 1, 1]
+    assert region_sizes(np.eye(3, dtype=bool)).tolist() == [1, 1, 1]
+    assert region_sizes(np.zeros((3, 3), bool)).tolist() == []
     assert n_border_edges(np.eye(3, dtype=int)) == 8
 
 
+def test_what_is_no_map_is_refused():
+    with pytest.raises(SettingsError, match=r"`pb_map` should be a map, .* but is 3"):
+        landscape(3)
+
+
 def test_the_examples_say_what_happens():
-    for name in ("landscape", "regions"):
-        result = doctest.testmod(importlib.import_module(f"creative_nao.maps.{name}"), extraglobs={"np": np})
+    for name in ("landscape", "grid"):
+        module = sys.modules[f"creative_nao.maps.{name}"]  # the package has a function of the first name
+        result = doctest.testmod(module, extraglobs={"np": np})
         assert result.attempted > 0
         assert result.failed == 0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from creative_nao import load_memory, measures
-from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
-from creative_nao.maps import PBMap, nearest_cell, pb_grid, pb_map
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError
+from creative_nao.maps import PBMap, nearest_cell, pb_grid, pb_map, pb_slice
 from creative_nao.maps.colours import FLUCTUATING, rgb
 from creative_nao.maps.picture import map_image
 from creative_nao.model import NetworkSettings, TrainingSettings, train_network
@@ -33,8 +33,12 @@ def test_the_map_scores_what_the_memory_generates(chart, tiny_memory):
     assert np.array_equal(chart.trajectories, tiny_memory.generate(chart.pb))
 
 
-def test_a_saved_map_comes_back(chart, tmp_path):
-    back = PBMap.load(chart.save(tmp_path / "map.npz"))
+@pytest.mark.parametrize("ending", ["safetensors", "npz"])
+def test_a_saved_map_comes_back(chart, tmp_path, ending):
+    path = chart.save(tmp_path / f"map.{ending}")
+    back = PBMap.load(path)
+
+    assert path.read_bytes().startswith(b"PK") == (ending == "npz")
 
     for name in ("pb", "outcome", "nearest", "distance", "learned_pb"):
         assert np.array_equal(getattr(back, name), getattr(chart, name)), name
@@ -42,13 +46,40 @@ def test_a_saved_map_comes_back(chart, tmp_path):
     assert back.trajectories is None
 
 
-def test_a_torn_map_is_refused_wherever_it_is_cut(chart, tmp_path):
-    content = chart.save(tmp_path / "map.npz").read_bytes()
-    path = tmp_path / "torn.npz"
+@pytest.mark.parametrize("ending", ["safetensors", "npz"])
+def test_a_torn_map_is_refused_wherever_it_is_cut(chart, tmp_path, ending):
+    content = chart.save(tmp_path / f"map.{ending}").read_bytes()
+    path = tmp_path / f"torn.{ending}"
     for length in range(0, len(content), 211):
         path.write_bytes(content[:length])
-        with pytest.raises(FileFormatError, match=r"torn\.npz"):
+        with pytest.raises(FileFormatError, match=rf"torn\.{ending}"):
             PBMap.load(path)
+
+
+def test_a_map_is_told_in_one_line_and_shown_by_a_notebook(chart):
+    told = repr(chart)
+    assert told.startswith("PBMap")
+    assert "15 x 15 points" in told
+    assert len(told.splitlines()) == 1
+    assert chart._repr_png_().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("wrong", [None, 3, [["a", 1]]])
+def test_what_is_no_memory_is_refused(wrong):
+    for make in (pb_map, pb_slice):
+        with pytest.raises(SettingsError, match="`memory` should be a memory, such as"):
+            make(wrong)
+
+
+def test_arguments_of_another_kind_are_refused(tiny_memory):
+    with pytest.raises(SettingsError, match="`resolution` should be a whole number, but is 'fine'"):
+        pb_map(tiny_memory, "fine")
+    with pytest.raises(SettingsError, match=r"`resolution` should be a whole number, but is 2\.5"):
+        pb_grid(2.5)
+    with pytest.raises(SettingsError, match="`axes` should be two different PB units"):
+        pb_slice(tiny_memory, axes=("a", 1))
+    with pytest.raises(ShapeError, match="`pb` should be an array of numbers, but is 'here'"):
+        nearest_cell("here")
 
 
 def test_a_pickle_in_disguise_is_not_opened(tmp_path):
