@@ -19,8 +19,10 @@ IMAGES = DOCS / "images"
 MEMORIES = ("open_0", "half_0", "closed_0")
 MOMENTS = {"right_straight": (0, 6, 8, 10, 14, 18), "left_hook": (0, 5, 8, 11, 13, 17)}
 """Ticks of the first punch that tell it best."""
-FILM = ("right_straight", "left_hook", "right_uppercut")
-"""Their first punches follow each other in the film."""
+FILM = ("right_straight", "left_hook")
+"""Basic actions that stand in the film, each beside a movement that nobody taught."""
+FILM_MEMORY, FILM_PB = "half/0", (0.3, -0.1)
+"""Where that movement comes from: the PB point of the README's example."""
 FILM_TICKS = slice(2, 19)
 FILM_FRAME_S = 0.05
 
@@ -39,19 +41,32 @@ def strips() -> None:
 
 
 def film() -> None:
-    """Draw three punches at the robot's own pace as a GIF of less than 1 MB."""
-    demos = load_demonstrations()
+    """Draw two taught movements and a new one side by side, at the robot's own pace, as a GIF of less than 1 MB."""
+    from PIL import Image, ImageDraw
+
+    memory = load_memory(FILM_MEMORY)
+    demos = memory.demonstrations
+    movements = {f"taught: {name.replace('_', ' ')}": demos.trajectory(name) for name in FILM}
+    movements["nobody taught this"] = memory.generate([FILM_PB])[0]
     performer = Performer(settings=PlaybackSettings(frame_dt_s=FILM_FRAME_S))
-    frames = []
-    for name in FILM:
-        done = performer.perform(demos.trajectory(name), demos.dt_s, keep_frames=True)
-        assert done.frames is not None
-        per_tick = round(demos.dt_s / done.frame_dt_s)
-        frames.append(done.frames[FILM_TICKS.start * per_tick : FILM_TICKS.stop * per_tick])
-    images = pictures(
-        performer.scene, np.concatenate(frames), camera="close", width=256, height=240, shadows=True, smooth=2
+    columns = []
+    for caption, trajectory in movements.items():
+        performance = performer.perform(trajectory, demos.dt_s, keep_frames=True)
+        assert performance.frames is not None
+        per_tick = round(demos.dt_s / performance.frame_dt_s)
+        frames = performance.frames[FILM_TICKS.start * per_tick : FILM_TICKS.stop * per_tick]
+        images = pictures(performer.scene, frames, camera="close", width=256, height=240, shadows=True, smooth=2)
+        captioned = [Image.fromarray(image) for image in images]
+        for image in captioned:
+            ImageDraw.Draw(image).text(
+                (8, 220), caption, fill="white", stroke_width=2, stroke_fill="black", font_size=14
+            )
+        columns.append([np.asarray(image) for image in captioned])
+    write_gif(
+        [np.concatenate(row, axis=1) for row in zip(*columns, strict=True)],
+        IMAGES / "boxing.gif",
+        frame_dt_s=FILM_FRAME_S,
     )
-    write_gif(images, IMAGES / "boxing.gif", frame_dt_s=FILM_FRAME_S)
 
 
 def maps() -> None:
