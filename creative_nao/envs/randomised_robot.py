@@ -9,12 +9,12 @@ import gymnasium as gym
 import numpy as np
 
 from creative_nao.errors import SettingsError
-from creative_nao.robot import Variation
+from creative_nao.robot import RobotVariation
 
 
 @dataclasses.dataclass(frozen=True)
 class VariationRanges:
-    """From where to where each figure of the robot is drawn, evenly; the names are those of `robot.Variation`."""
+    """From where to where each figure of the robot is drawn, evenly; the names are those of `robot.RobotVariation`."""
 
     mass: tuple[float, float] = (0.97, 1.03)
     """The complete robot is sold 2.2 % heavier than the sum of its links."""
@@ -35,12 +35,12 @@ class VariationRanges:
             if not low <= high:
                 raise SettingsError(f"`{field.name}` should be a range (low, high), but is ({low}, {high})")
             for end in (low, high):
-                Variation(**{field.name: end})
+                RobotVariation(**{field.name: end})
 
-    def draw(self, rng: np.random.Generator) -> Variation:
+    def draw(self, rng: np.random.Generator) -> RobotVariation:
         """Draw a robot; every figure takes one number of the generator, also where a range is a point."""
         names = [field.name for field in dataclasses.fields(self)]
-        return Variation(**{name: float(rng.uniform(*getattr(self, name))) for name in names})
+        return RobotVariation(**{name: float(rng.uniform(*getattr(self, name))) for name in names})
 
 
 class RandomisedRobot(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], gym.utils.RecordConstructorArgs):

@@ -3,7 +3,7 @@
 - Model files (MJCF): `NAO_XML`, `BAG_XML`, `RING_XML`, `SCENE_XML`
 - Robot: `Scene`, `bare_scene`, `Index`, `place`, `ServoSettings`, `Stiffness`, `POSTURES`, `posture`, `arm_angles`
 - Performing: `Performer`, `PlaybackSettings`, `Performance`, `Hits`
-- Randomising: `Variation`, `Varied`
+- Domain randomisation: `RobotVariation`, `Varied`
 - Physical failures: `PhysicalLimits`, `failures`, `first_failure`, `PHYSICAL_FAILURES`
 - Drawing: `Renderer`, `can_draw`, `pictures`, `moments`, `film_strip`, `write_gif`, `imagined_frames`
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from creative_nao.robot.rendering import Renderer, can_draw
     from creative_nao.robot.scene import BAG_XML, NAO_XML, RING_XML, SCENE_XML, Index, Scene, bare_scene, place
     from creative_nao.robot.servos import ServoSettings, Stiffness
-    from creative_nao.robot.variation import Variation, Varied
+    from creative_nao.robot.variation import RobotVariation, Varied
 
 __all__ = [
     "BAG_XML",
@@ -48,10 +48,10 @@ __all__ = [
     "PhysicalLimits",
     "PlaybackSettings",
     "Renderer",
+    "RobotVariation",
     "Scene",
     "ServoSettings",
     "Stiffness",
-    "Variation",
     "Varied",
     "arm_angles",
     "bare_scene",
@@ -84,7 +84,7 @@ _HOMES = {
     "Scene": "scene",
     "ServoSettings": "servos",
     "Stiffness": "servos",
-    "Variation": "variation",
+    "RobotVariation": "variation",
     "Varied": "variation",
     "arm_angles": "postures",
     "bare_scene": "scene",

@@ -1,26 +1,28 @@
-"""Pictures of a performance or of a trajectory only imagined: film strips (PNG) and moving pictures (GIF)."""
+"""Films of a performance, or of a trajectory without physics: film strips (PNG) and animations (GIF)."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from creative_nao import storage
-from creative_nao.errors import SettingsError, ShapeError
-from creative_nao.joints import N_JOINTS
+from creative_nao.errors import ShapeError
 from creative_nao.robot import interpolation
+from creative_nao.robot.playback import as_trajectory
 from creative_nao.robot.rendering import Renderer
 from creative_nao.robot.scene import Scene
+from creative_nao.schema import Count, Field, Positive, checked
 
 _GAP_PX = 4
 _PALETTE_SAMPLES = 4
 
 
 def imagined_frames(scene: Scene, trajectory: np.ndarray, dt_s: float, *, frame_dt_s: float = 0.05) -> np.ndarray:
-    """Return `qpos` snapshots of a trajectory that is only imagined: the arms follow it exactly, nothing else moves.
+    """Return `qpos` snapshots of a trajectory without physics: the arms follow it exactly, nothing else moves.
 
     Args:
         scene: Where the robot stands.
@@ -31,9 +33,8 @@ def imagined_frames(scene: Scene, trajectory: np.ndarray, dt_s: float, *, frame_
     Returns:
         Shape (n_frames, nq).
     """
-    trajectory = np.asarray(trajectory, dtype=np.float64)
-    if trajectory.ndim != 2 or trajectory.shape[1] != N_JOINTS or len(trajectory) < 1:
-        raise ShapeError(f"`trajectory` should have shape (n_steps, {N_JOINTS}), but has {trajectory.shape}.")
+    trajectory = as_trajectory(trajectory)
+    dt_s, frame_dt_s = checked(Positive, dt_s, "dt_s"), checked(Positive, frame_dt_s, "frame_dt_s")
     arms = interpolation.refine(trajectory, dt_s, max(1, round(dt_s / frame_dt_s)))
     frames = np.repeat(scene.guard_qpos()[None], len(arms), axis=0)
     frames[:, scene.index.arm_qpos] = arms
@@ -42,9 +43,7 @@ def imagined_frames(scene: Scene, trajectory: np.ndarray, dt_s: float, *, frame_
 
 def moments(frames: np.ndarray, n_moments: int) -> np.ndarray:
     """Return `n_moments` of the frames, evenly spaced, with the first and the last among them."""
-    if n_moments < 1:
-        raise SettingsError(f"`n_moments` should be at least 1, but is {n_moments}.")
-    rows = np.linspace(0, len(frames) - 1, n_moments).round().astype(int)
+    rows = np.linspace(0, len(frames) - 1, checked(Count, n_moments, "n_moments")).round().astype(int)
     return frames[rows]
 
 
@@ -88,10 +87,7 @@ def write_gif(images: Sequence[np.ndarray], path: str | os.PathLike[str], *, fra
     from PIL import Image
 
     _check(images)
-    if frame_dt_s < 0.02:
-        raise SettingsError(
-            f"`frame_dt_s` should be at least 0.02 s, the shortest that viewers keep, but is {frame_dt_s}."
-        )
+    checked(Annotated[float, Field(ge=0.02)], frame_dt_s, "frame_dt_s")  # the shortest that viewers keep
     # One palette for all pictures, made from a sample of them: with one each, the background flickers.
     sample = np.concatenate(moments(np.stack(images), min(len(images), _PALETTE_SAMPLES)))
     # The one colour left over stands for pixels that stay as they are, which halves the file.

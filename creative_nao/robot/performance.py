@@ -1,4 +1,4 @@
-"""What came out when the robot performed a trajectory, and whether that counts as a physical failure.
+"""The result of a trajectory performed by the robot, and the limits beyond which it counts as a physical failure.
 
 Whether a trajectory is too fast or does not move is judged on its angles alone; here only what a body adds.
 """
@@ -6,11 +6,10 @@ Whether a trajectory is too fast or does not move is judged on its angles alone;
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 
-from creative_nao.errors import SettingsError
+from creative_nao.schema import NonNegative, record
 
 FALL_HEIGHT_M = 0.24
 """The robot has fallen when the torso sinks below this height; in the guard it stands at 0.32 m."""
@@ -26,7 +25,7 @@ PHYSICAL_FAILURES: tuple[str, ...] = ("joint_limit", "fell", "self_collision", "
 
 @dataclasses.dataclass(frozen=True)
 class Hits:
-    """What the bag felt of the robot."""
+    """Contacts of the robot with the bag, counted from the net force between them."""
 
     count: int
     """Hits, separated by at least 0.1 s without contact."""
@@ -44,7 +43,7 @@ class Hits:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Performance:
-    """One trajectory, performed by the robot standing in the ring. Arrays over joints are in the order of `JOINTS`.
+    """The result of one trajectory, performed by the robot in the ring; arrays over joints in the order of `JOINTS`.
 
     Errors compare target and joint angle every 10 ms, from the first posture on; the way there from the guard counts
     only for falling.
@@ -93,7 +92,7 @@ def tilt_rad(quaternions: np.ndarray) -> np.ndarray:
     return np.arccos(np.clip(1 - 2 * (x * x + y * y), -1, 1))
 
 
-@dataclasses.dataclass(frozen=True)
+@record
 class PhysicalLimits:
     """From where on a performance counts as failed.
 
@@ -102,21 +101,14 @@ class PhysicalLimits:
     action may be, they still pass (15 %, 0.058 rad).
     """
 
-    joint_limit_rad: float = 0.03
+    joint_limit_rad: NonNegative = 0.03
     """The trajectory may leave a joint's range by this much: gear play and encoder offset of taught recordings."""
-    self_collision_share: float = 0.05
+    self_collision_share: NonNegative = 0.05
     """The robot may touch itself for this share of the time: gloves brush in passing, they do not lean."""
-    torque_saturated_share: float = 0.20
+    torque_saturated_share: NonNegative = 0.20
     """One motor may work at its torque limit for this share of the time: bursts at the start of punches."""
-    tracking_error_rad: float = 0.08
+    tracking_error_rad: NonNegative = 0.08
     """Mean error of the worst joint: beyond it the motion seen is another one than the motion asked for."""
-
-    def __post_init__(self) -> None:
-        """Check that no threshold is negative or not a number."""
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value >= 0):
-                raise SettingsError(f"`{field.name}` should be a number of at least 0, but is {value}.")
 
 
 def failures(performance: Performance, limits: PhysicalLimits | None = None) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Let the standing robot perform a trajectory, as fast as MuJoCo can, and always from the same state.
+"""Perform a trajectory with the standing robot in physics, always from the same initial state.
 
 The servos of the arms get a new target every 10 ms, the cycle of the robot's device controller, and go there in a
 straight line within the cycle; legs and head hold the guard.
@@ -9,7 +9,6 @@ Stepping happens inside `mujoco.rollout`: bit for bit the states of a loop over 
 # pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
@@ -17,29 +16,30 @@ import mujoco
 import mujoco.rollout
 import numpy as np
 
-from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.errors import SettingsError, ShapeError, shown
 from creative_nao.joints import JOINTS, MAX_SPEED_RAD_S, N_JOINTS, limits, read_encoder
 from creative_nao.robot import interpolation
 from creative_nao.robot.performance import Hits, Performance, has_fallen, tilt_rad
 from creative_nao.robot.scene import PERFORMANCE_SENSORS, Scene
-from creative_nao.robot.variation import Variation, Varied
+from creative_nao.robot.variation import RobotVariation, Varied
+from creative_nao.schema import NonNegative, Positive, checked, record
 
 CYCLE_S = 0.010
 """A new target for the servos every cycle."""
 _WHOLE = 1e-6
 
 
-@dataclasses.dataclass(frozen=True)
+@record
 class PlaybackSettings:
     """How a performance starts."""
 
-    settle_s: float = 2.0
+    settle_s: NonNegative = 2.0
     """Standing in the guard before the first performance, once; the state at its end starts every performance [s]."""
-    approach_speed_rad_s: float = 2.0
+    approach_speed_rad_s: Positive = 2.0
     """Largest speed on the way from the guard to the first posture."""
-    approach_min_s: float = 0.2
+    approach_min_s: NonNegative = 0.2
     """Shortest time for that way."""
-    frame_dt_s: float = 0.05
+    frame_dt_s: Positive = 0.05
     """Time between the snapshots kept for a film [s]."""
 
 
@@ -75,8 +75,8 @@ class Performer:
         self._rng: np.random.Generator | None = None
         self._settle()
 
-    def vary(self, variation: Variation, rng: np.random.Generator) -> None:
-        """Perform from now on with a robot that differs, and settle it anew; `Variation()` restores the published one.
+    def vary(self, variation: RobotVariation, rng: np.random.Generator) -> None:
+        """Perform from now on with a robot that differs, and settle it anew; `RobotVariation()` restores the published.
 
         The model of the scene is changed: everyone who simulates with it is affected.
 
@@ -147,7 +147,7 @@ class Performer:
             ShapeError: If the trajectory is not (n_steps >= 1, 8) finite angles.
             SettingsError: If `dt_s` is not a whole number of cycles.
         """
-        trajectory = _checked(trajectory)
+        trajectory = as_trajectory(trajectory)
         cycles_per_tick = _cycles(dt_s)
         targets, approach = self._targets(trajectory, dt_s, cycles_per_tick)
         states, sensors = self._run(self._delayed(targets))
@@ -167,12 +167,12 @@ class Performer:
         return interpolation.limit_speed(np.concatenate([way, fine[1:]]), self.guard, fastest), n_approach
 
     def _delayed(self, targets: np.ndarray) -> np.ndarray:
-        """Return what the servos have received by the end of every cycle."""
+        """Return the targets that have reached the servos by the end of every cycle, given the latency."""
         late = min(self._latency_cycles, len(targets))
         return np.concatenate([np.repeat(self.guard[None], late, axis=0), targets[: len(targets) - late]])
 
     def _read(self, angles: np.ndarray) -> np.ndarray:
-        """Return what the encoders tell of joint angles (n, 8) [rad]."""
+        """Return the encoder readings of joint angles (n, 8) [rad]."""
         if self._noise_rad > 0 and self._rng is not None:
             angles = angles + self._rng.normal(0.0, self._noise_rad, angles.shape)
         return read_encoder(angles)
@@ -253,13 +253,19 @@ def _sensor_columns(model: Any) -> dict[str, np.ndarray]:
     return {purpose: columns(*names) for purpose, names in PERFORMANCE_SENSORS.items()}
 
 
-def _checked(trajectory: np.ndarray) -> np.ndarray:
-    array = np.asarray(trajectory, dtype=np.float64)
+def as_trajectory(values: Any) -> np.ndarray:
+    """Return joint angles as an array (n_steps, 8) of float64 [rad], columns in the order of `joints.JOINTS`.
+
+    Raises:
+        ShapeError: If they are no numbers, have another shape, or are not finite.
+    """
+    expected = f"`trajectory` should have shape (n_steps, {N_JOINTS}), one column per joint of joints.JOINTS"
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ShapeError(f"{expected}, but is {shown(values)}.") from None
     if array.ndim != 2 or array.shape[1] != N_JOINTS or len(array) < 1:
-        raise ShapeError(
-            f"`trajectory` should have shape (n_steps, {N_JOINTS}), one column per joint of joints.JOINTS, "
-            f"but has {array.shape}."
-        )
+        raise ShapeError(f"{expected}, but has {array.shape}.")
     if not np.isfinite(array).all():
         row, column = np.argwhere(~np.isfinite(array))[0]
         raise ShapeError(f"`trajectory` should hold finite angles, but row {row} of {JOINTS[column]} does not.")
@@ -267,6 +273,7 @@ def _checked(trajectory: np.ndarray) -> np.ndarray:
 
 
 def _cycles(dt_s: float) -> int:
+    dt_s = checked(float, dt_s, "dt_s")
     cycles = round(dt_s / CYCLE_S)
     if cycles < 1 or abs(dt_s - cycles * CYCLE_S) > _WHOLE:
         raise SettingsError(

@@ -13,6 +13,7 @@ import numpy as np
 
 from creative_nao.errors import NotFoundError, nearest_name
 from creative_nao.joints import GUARD_ARM_RAD, JOINTS, MIRROR_SIGN
+from creative_nao.schema import checked
 
 THIGH_M = 0.1000
 TIBIA_M = 0.1029
@@ -134,8 +135,9 @@ def posture(name: str) -> dict[str, float]:
 
     Raises:
         NotFoundError: If no posture has this name.
+        SettingsError: If it is no text.
     """
-    if name not in POSTURES:
+    if checked(str, name, "name") not in POSTURES:
         raise NotFoundError(
             f"no posture `{name}`{nearest_name(name, POSTURES)}; the known ones are {', '.join(POSTURES)}."
         )

@@ -187,10 +187,10 @@ class Renderer:
     ) -> None:
         import mujoco
 
-        if min(width, height, smooth) < 1:
-            raise SettingsError(
-                f"`width`, `height` and `smooth` should be at least 1, but are {width}, {height} and {smooth}."
-            )
+        from creative_nao.schema import Count, checked
+
+        width, height = checked(Count, width, "width"), checked(Count, height, "height")
+        smooth = checked(Count, smooth, "smooth")
         if backend not in _BACKENDS:
             raise SettingsError(f"`backend` should be one of {', '.join(_BACKENDS)}, but is {backend!r}.")
         self._model, self._smooth = model, smooth
@@ -217,9 +217,11 @@ class Renderer:
         """
         import mujoco
 
+        from creative_nao.schema import checked
+
         if self._canvas is None:
             raise SettingsError("this renderer is closed; make a new one.")
-        if camera not in self._cameras:
+        if checked(str, camera, "camera") not in self._cameras:
             raise NotFoundError(
                 f"no camera `{camera}`{nearest_name(camera, self._cameras)}; "
                 f"the known ones are {', '.join(self._cameras)}."

@@ -1,4 +1,4 @@
-"""Robot, ring and bag as one MuJoCo model, and where their parts stand in its arrays.
+"""Robot, ring and bag as one MuJoCo model, and the rows of their parts in its arrays.
 
 The model is `scene.xml`, which puts `nao.xml` and `bag.xml` into `ring.xml`; `nao_sources.csv` names the source of each
 figure of the robot. Compiling takes a hundredth of a second; everything that simulates can share one scene.
@@ -42,7 +42,7 @@ PERFORMANCE_SENSORS: dict[str, tuple[str, ...]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Index:
-    """Where the robot stands in the arrays of a compiled model (rows in the order of `joints.JOINTS` for the arms)."""
+    """Rows and ids of the robot's parts in the arrays of a compiled model (arms in the order of `joints.JOINTS`)."""
 
     qpos: dict[str, int]
     """Row of each of the 26 hinges in `data.qpos`."""

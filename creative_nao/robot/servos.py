@@ -2,39 +2,39 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 
 from creative_nao.errors import SettingsError
+from creative_nao.schema import NonNegative, UnitInterval, checked, record
 
 _LEG_PARTS = ("Hip", "Knee", "Ankle")
 
 
-@dataclasses.dataclass(frozen=True)
+@record
 class ServoSettings:
     """Gains of the position servos; none are published, these track brisk punches within the torque limits.
 
     The defaults are the gains of `nao.xml`.
     """
 
-    arm_kp: float = 20.0
+    arm_kp: NonNegative = 20.0
     """Proportional gain of arms and head [N m/rad]."""
-    arm_kd: float = 0.4
+    arm_kd: NonNegative = 0.4
     """Derivative gain of arms and head [N m s/rad]."""
-    leg_kp: float = 120.0
+    leg_kp: NonNegative = 120.0
     """Proportional gain of the legs [N m/rad]; at half of it the trunk sways twice as far under a punch."""
-    leg_kd: float = 2.0
+    leg_kd: NonNegative = 2.0
     """Derivative gain of the legs [N m s/rad]."""
-    hand_kp: float = 1.0
+    hand_kp: NonNegative = 1.0
     """Proportional gain of the fingers [N m per unit of opening]."""
-    hand_kd: float = 0.02
+    hand_kd: NonNegative = 0.02
     """Derivative gain of the fingers."""
-    damping: float = 0.05
+    damping: NonNegative = 0.05
     """Viscous friction of every joint [N m s/rad]; at twice as much a quick uppercut spends 3 % of its time at the
     torque limit of the shoulder."""
-    friction_loss: float = 0.03
+    friction_loss: NonNegative = 0.03
     """Dry friction of every joint [N m]."""
 
     def gains(self, joint: str) -> tuple[float, float]:
@@ -65,7 +65,7 @@ class ServoSettings:
 class Stiffness:
     """Sets the stiffness of single joints at run time, by scaling the torque limits of the compiled model.
 
-    0 frees the joint, 1 allows the full torque. The model is shared by everyone who simulates with it: set it back
+    0 makes the joint limp, 1 allows the full torque. The model is shared by everyone who simulates with it: set it back
     to 1.
 
     Args:
@@ -84,8 +84,7 @@ class Stiffness:
         Raises:
             SettingsError: If `stiffness` lies outside 0 to 1 or a joint has no motor of its own.
         """
-        if not 0.0 <= stiffness <= 1.0:
-            raise SettingsError(f"`stiffness` should lie between 0 (limp) and 1 (full torque), but is {stiffness}.")
+        stiffness = checked(UnitInterval, stiffness, "stiffness")
         unknown = [joint for joint in joints if joint not in self._ids]
         if unknown:
             raise SettingsError(

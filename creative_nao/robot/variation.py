@@ -1,4 +1,4 @@
-"""A robot that differs a little from the published one: mass, friction, gains, latency, encoder noise.
+"""Domain randomisation: a robot that differs a little from the published one in mass, friction, gains, latency, noise.
 
 No two robots are alike, and several figures of this one are estimates. What is learned on many variations can be
 trusted more than what holds on one.
@@ -8,50 +8,39 @@ trusted more than what holds on one.
 # pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
-import dataclasses
-import math
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from creative_nao.errors import SettingsError
 from creative_nao.robot.scene import Index
+from creative_nao.schema import NonNegative, Positive, record
 
 
-@dataclasses.dataclass(frozen=True)
-class Variation:
-    """How a robot differs; the defaults are the published robot itself."""
+@record
+class RobotVariation:
+    """How one robot differs from the published one; the defaults are the published robot itself."""
 
-    mass: float = 1.0
+    mass: Positive = 1.0
     """Factor of the mass and inertia of every link."""
-    friction: float = 1.0
+    friction: Positive = 1.0
     """Factor of the friction of soles, gloves, floor and bag."""
-    kp: float = 1.0
+    kp: Positive = 1.0
     """Factor of the proportional gains of all servos."""
-    kd: float = 1.0
+    kd: Positive = 1.0
     """Factor of their derivative gains."""
-    latency_s: float = 0.0
+    latency_s: NonNegative = 0.0
     """Time from a command to its arrival at the servos of the arms [s]; rounded to whole cycles of 10 ms."""
-    encoder_noise_rad: float = 0.0
+    encoder_noise_rad: NonNegative = 0.0
     """Standard deviation of what is added to an angle before the encoder counts it [rad]."""
-
-    def __post_init__(self) -> None:
-        """Refuse robots that cannot be."""
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            factor = field.default == 1.0
-            if not math.isfinite(value) or value < 0 or (factor and value == 0):
-                kind = "above 0" if factor else "of at least 0"
-                raise SettingsError(f"`{field.name}` should be a number {kind}, but is {value}.")
 
 
 class Varied:
-    """Changes one compiled model and can change it back; everyone who simulates with the model is affected.
+    """Applies variations to one compiled model, and restores it; everyone who simulates with the model is affected.
 
     Args:
         model: The compiled `mujoco.MjModel`.
-        index: Where the robot stands in it.
+        index: Rows of the robot in its arrays.
     """
 
     def __init__(self, model: Any, index: Index) -> None:
@@ -62,7 +51,7 @@ class Varied:
         self._friction = model.geom_friction.copy()
         self._gain, self._bias = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
 
-    def apply(self, variation: Variation) -> None:
+    def apply(self, variation: RobotVariation) -> None:
         """Give the model this variation, whatever it had before; the default one restores every bit."""
         model, links = self._model, self._links
         model.body_mass[links] = variation.mass * self._mass[links]

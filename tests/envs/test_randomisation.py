@@ -10,9 +10,9 @@ import creative_nao  # noqa: F401 - registers the environments
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.envs.randomised_robot import RandomisedRobot, VariationRanges
 from creative_nao.errors import SettingsError
-from creative_nao.robot import Performer, Scene, Variation, first_failure
+from creative_nao.robot import Performer, RobotVariation, Scene, first_failure
 
-FIXED = {field.name: (getattr(Variation(), field.name),) * 2 for field in dataclasses.fields(Variation)}
+FIXED = {field.name: (getattr(RobotVariation(), field.name),) * 2 for field in dataclasses.fields(RobotVariation)}
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +44,9 @@ def punch(performer, demos):
 )
 def test_each_figure_changes_what_is_measured_and_is_taken_back(change, performer, demos, rng):
     before = punch(performer, demos)
-    performer.vary(Variation(**change), rng)
+    performer.vary(RobotVariation(**change), rng)
     varied = punch(performer, demos)
-    performer.vary(Variation(), rng)
+    performer.vary(RobotVariation(), rng)
     after = punch(performer, demos)
 
     assert not np.array_equal(varied.measured, before.measured) or varied.hits != before.hits
@@ -57,16 +57,16 @@ def test_each_figure_changes_what_is_measured_and_is_taken_back(change, performe
 def test_latency_is_felt_as_an_error_that_grows_with_speed(performer, demos, rng):
     errors = []
     for latency in (0.0, 0.02, 0.04):
-        performer.vary(Variation(latency_s=latency), rng)
+        performer.vary(RobotVariation(latency_s=latency), rng)
         errors.append(punch(performer, demos).mean_error_rad.max())
-    performer.vary(Variation(), rng)
+    performer.vary(RobotVariation(), rng)
     assert errors[0] < errors[1] < errors[2]
 
 
 def test_the_mass_of_all_links_is_scaled_and_that_of_the_bag_is_not(rng):
     scene = Scene()
     weight, bag = scene.model.body_subtreemass[scene.index.torso], scene.model.body("bag/bag").mass[0]
-    Performer(scene).vary(Variation(mass=1.2), rng)
+    Performer(scene).vary(RobotVariation(mass=1.2), rng)
     assert scene.model.body_subtreemass[scene.index.torso] == pytest.approx(1.2 * weight)
     assert scene.model.body("bag/bag").mass[0] == bag
 
@@ -113,16 +113,16 @@ def test_the_basic_actions_pass_at_both_ends_of_every_range(performer, demos, rn
     """What the ranges promise; each end by itself."""
     for name, ends in dataclasses.asdict(VariationRanges()).items():
         for end in ends:
-            performer.vary(Variation(**{name: end}), rng)
+            performer.vary(RobotVariation(**{name: end}), rng)
             for trajectory in (demos.trajectories[1], demos.trajectories[5]):
                 assert first_failure(performer.perform(trajectory, demos.dt_s)) is None, (name, end)
-    performer.vary(Variation(), rng)
+    performer.vary(RobotVariation(), rng)
 
 
 def test_what_is_no_robot_is_refused():
-    with pytest.raises(SettingsError, match="`mass` should be a number above 0, but is 0"):
-        Variation(mass=0.0)
-    with pytest.raises(SettingsError, match=r"`latency_s` should be a number of at least 0, but is -0\.1"):
+    with pytest.raises(SettingsError, match="`mass` should be above 0, but is 0"):
+        RobotVariation(mass=0.0)
+    with pytest.raises(SettingsError, match=r"`latency_s` should be at least 0, but is -0\.1"):
         VariationRanges(latency_s=(-0.1, 0.0))
     with pytest.raises(SettingsError, match=r"`kp` should be a range \(low, high\), but is \(2.0, 1.0\)"):
         VariationRanges(kp=(2.0, 1.0))

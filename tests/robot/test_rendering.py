@@ -151,7 +151,7 @@ def test_an_unknown_camera_names_the_nearest(scene):
 
 
 def test_a_size_is_positive(scene):
-    with pytest.raises(SettingsError, match="at least 1, but are 0, 480 and 1"):
+    with pytest.raises(SettingsError, match="`width` should be at least 1, but is 0"):
         Renderer(scene.model, 0, 480)
 
 
