@@ -74,7 +74,7 @@ def put(**values):
 
 HEADERS = [
     ("memory", "network", {"network": ...}),
-    ("memory", "NetworkSettings", {"network": []}),
+    ("memory", "network", {"network": []}),
     ("memory", "layer_sizes", {"network__layer_sizes": [10**9]}),
     ("memory", "layer_sizes", {"network__layer_sizes": [1] * 1000}),
     ("memory", "layer_sizes", {"network__layer_sizes": [True]}),
