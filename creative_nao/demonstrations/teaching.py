@@ -293,10 +293,18 @@ def _scene_with_stand() -> Scene:
     from creative_nao.robot.scene import Scene
 
     scene = Scene(with_bag=False)
-    scene.spec.worldbody.add_body(name="stand", mocap=True)
-    weld = scene.spec.add_equality(name="stand", type=mujoco.mjtEq.mjEQ_WELD, name1="stand", name2="nao/Torso")
-    weld.objtype = mujoco.mjtObj.mjOBJ_BODY
-    weld.data = np.array([0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0])  # anchor, relative place and attitude, torque scale
+    spec = scene.spec
+    spec.worldbody.add_body(name="stand", mocap=True)
+    # The solver takes constraints in their order, and the last bits depend on it: the stand comes before the hips, as
+    # in the shipped recordings.
+    hips = spec.equality("nao/hip_yaw_pitch")
+    coupling = {name: getattr(hips, name) for name in ("name", "type", "objtype", "name1", "name2")}
+    coupling |= {name: np.array(getattr(hips, name)) for name in ("data", "solref", "solimp")}
+    spec.delete(hips)
+    weld = np.array([0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0])  # anchor, relative place and attitude, torque scale
+    kind, of = mujoco.mjtEq.mjEQ_WELD, mujoco.mjtObj.mjOBJ_BODY
+    spec.add_equality(name="stand", type=kind, objtype=of, name1="stand", name2="nao/Torso", data=weld)
+    spec.add_equality(**coupling)
     return scene
 
 
