@@ -18,8 +18,8 @@ sys.path.insert(0, str(IMAGES.parents[1] / "tests" / "explorer"))
 from visiting import CHROMIUM, FLAGS, Server, Visit  # noqa: E402
 
 from creative_nao import load_memory  # noqa: E402
-from creative_nao.evaluation.plots import save_small  # noqa: E402
 from creative_nao.explorer.registry import cached_map  # noqa: E402
+from creative_nao.maps.figure_style import save_small  # noqa: E402
 
 MEMORIES, RESOLUTION = ("half/0", "open/0"), 200
 WINDOW = {"width": 1280, "height": 1000}

@@ -11,7 +11,7 @@ import numpy as np
 
 from creative_nao import load_demonstrations, load_memory, pb_map
 from creative_nao.envs.physical_map import PhysicalMap
-from creative_nao.evaluation.plots import save_small
+from creative_nao.maps.figure_style import save_small
 from creative_nao.robot import Performer, PlaybackSettings, film_strip, pictures, write_gif
 
 DOCS = Path(__file__).parent

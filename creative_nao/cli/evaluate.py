@@ -24,12 +24,12 @@ from rich.table import Table
 
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.evaluation.publishing import leaderboard, publish, with_record
 from creative_nao.evaluation.resolve_agents import check_entrant
-from creative_nao.evaluation.result_page import publish, with_record
 from creative_nao.evaluation.run import Evaluation, evaluate
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, find_suite
-from creative_nao.evaluation.tables import env_label, leaderboard, terminal_table
+from creative_nao.evaluation.tables import env_label, terminal_table
 from creative_nao.evaluation.verification import TOLERANCE, Verification, verify
 
 DOES_NOT_HOLD = 1

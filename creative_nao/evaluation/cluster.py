@@ -14,8 +14,9 @@ from typing import Any
 
 from creative_nao import __version__, storage
 from creative_nao.errors import MissingDependencyError, NotFoundError, SettingsError
-from creative_nao.evaluation.jobs import Job, job_from_plain, read_result, write_result
+from creative_nao.evaluation.jobs import Job, read_result, write_result
 from creative_nao.evaluation.runner import USER_ERROR, JobError, JobQueue, Progress, start_process
+from creative_nao.schema import parse
 
 CONNECT_S = 10.0
 N_RETRIES = 2
@@ -32,7 +33,7 @@ def do_job(values: dict[str, Any], files: dict[str, bytes]) -> dict[str, Any]:
     Raises:
         RuntimeError: If the job's process died; the scheduler then tries again.
     """
-    job = job_from_plain(values)
+    job = parse(Job, values, "job")
     with tempfile.TemporaryDirectory(prefix="creative-nao-") as name:
         folder = Path(name)
         for path, content in files.items():

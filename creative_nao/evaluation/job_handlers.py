@@ -1,9 +1,4 @@
-"""What a memory holds, and the most that a search could get out of it: the ceiling for every agent.
-
-Also here:
-- What a job's process does: train a memory or an agent, judge an agent, or chart a memory.
-- A job's own process: `python -m creative_nao.evaluation.job_handlers SPEC.json FOLDER`.
-"""
+"""A job's own process, `python -m creative_nao.evaluation.job_handlers SPEC.json FOLDER`, and what it does by kind."""
 
 from __future__ import annotations
 
@@ -26,15 +21,21 @@ from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import CreativeNaoError
 from creative_nao.evaluation.jobs import PARENT, Job, read_spec, write_result
-from creative_nao.evaluation.protocol import episode_to_json, play
+from creative_nao.evaluation.protocol import play
 from creative_nao.evaluation.resolve_agents import make_entrant
+from creative_nao.evaluation.statistics import seed_sequence
 from creative_nao.maps import PBMap, pb_map
 from creative_nao.measures import OUTCOMES, farthest_points
 from creative_nao.model import Memory, TrainingSettings, train_network
+from creative_nao.schema import dump
+
+Report = Callable[[float], None]
+"""Takes the share of the work that is done."""
+REPORT_EVERY_S = 0.5
 
 
-def chart_memory(
-    memory: Memory, resolution: int, n_actions: int, report: Callable[[float], None] = lambda _: None
+def score_memory(
+    memory: Memory, resolution: int, n_actions: int, report: Report = lambda _: None
 ) -> tuple[PBMap, dict[str, Any]]:
     """Score a memory's whole map and let the greedy oracle choose from it.
 
@@ -48,22 +49,18 @@ def chart_memory(
         The map, and a dictionary of plain values: what the oracle chose, `oracle_pb` (n, 2), what each choice earned,
         `oracle_rewards` (n,), and the share of each outcome on the map, `shares_pct`.
     """
-    charted = pb_map(memory, resolution=resolution)
+    scored = pb_map(memory, resolution=resolution)
     report(0.5)
-    assert charted.trajectories is not None
-    best = farthest_points(charted.trajectories, memory.demonstrations, n_actions, charted.appropriate)
-    return charted, {
-        "oracle_pb": charted.pb[best.indices].tolist(),
+    assert scored.trajectories is not None
+    best = farthest_points(scored.trajectories, memory.demonstrations, n_actions, scored.appropriate)
+    return scored, {
+        "oracle_pb": scored.pb[best.indices].tolist(),
         "oracle_rewards": best.rewards.tolist(),
-        "shares_pct": {outcome: charted.share_pct(outcome) for outcome in OUTCOMES},
+        "shares_pct": {outcome: scored.share_pct(outcome) for outcome in OUTCOMES},
     }
 
 
-Report = Callable[[float], None]
-"""Takes the share of the work that is done."""
-
-
-def teach(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
+def train_memory(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
     """Train a memory on other demonstrations and write it; return how well it learned."""
     start = time.perf_counter()
     training = TrainingSettings(
@@ -88,21 +85,21 @@ def _demonstrations(spec: dict[str, Any]) -> Demonstrations:
     return teaching.as_demonstrations(teaching.teach(np.random.default_rng(spec["teaching_seed"])))
 
 
-def _found(memory: dict[str, Any], folder: Path) -> str:
-    """Return what an environment takes for a memory of a spec."""
+def _memory_of(memory: dict[str, Any], folder: Path) -> str:
+    """Return the name or file by which an environment finds a memory of a spec."""
     return memory["name"] if memory["file"] is None else str(folder / memory["file"])
 
 
-def train(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
+def train_agent(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
     """Train an agent, write its bundle and return its training curve."""
     start = time.perf_counter()
     settings = settings_from(spec["settings"])
-    seed = int(np.random.SeedSequence([spec["base_seed"], spec["seed"]]).generate_state(1)[0] % 2**31)
+    seed = int(seed_sequence(spec["base_seed"], spec["seed"]).generate_state(1)[0] % 2**31)
     policy, curve = train_ppo(
         spec["env"],
         settings=settings,
         seed=seed,
-        env_kwargs={"memory": _found(spec["memory"], folder)},
+        env_kwargs={"memory": _memory_of(spec["memory"], folder)},
         progress=lambda done, planned: report(done / planned),
     )
     assert isinstance(policy.observation_space, Box)
@@ -126,14 +123,14 @@ def train(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
     }
 
 
-def judge(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
+def play_episodes(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
     """Let an agent play one episode per environment, memory and seed; return the episodes."""
     episodes = []
     total = len(spec["envs"]) * len(spec["memories"]) * len(spec["seeds"])
     for env_id in spec["envs"]:
         for first, memory in enumerate(spec["memories"]):
             budget = {"n_actions": spec["n_actions"]} if env_id in ENVIRONMENTS else {}
-            env = gym.make(env_id, memory=_found(memory, folder), **budget)
+            env = gym.make(env_id, memory=_memory_of(memory, folder), **budget)
             try:
                 for place, seed in enumerate(spec["seeds"], first * len(spec["seeds"])):
                     agent = make_entrant(spec["agent"], folder / spec["bundles"][place] if spec["bundles"] else None)
@@ -146,43 +143,40 @@ def judge(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
                         base_seed=spec["base_seed"],
                         n_actions=spec["n_actions"],
                     )
-                    episodes.append(episode_to_json(episode))
+                    episodes.append(dump(episode))
                     report(len(episodes) / total)
             finally:
                 env.close()
     return {"episodes": episodes}
 
 
-def chart(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
+def score_map(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
     """Score the whole map of a memory, write it, and return what the greedy oracle earns on it."""
     start = time.perf_counter()
-    env = gym.make(spec["env"], memory=_found(spec["memory"], folder))
+    env = gym.make(spec["env"], memory=_memory_of(spec["memory"], folder))
     try:
         memory = env.unwrapped.memory  # pyright: ignore[reportAttributeAccessIssue]
-        charted, oracle = chart_memory(memory, spec["resolution"], spec["n_actions"], report)
+        scored, oracle = score_memory(memory, spec["resolution"], spec["n_actions"], report)
     finally:
         env.close()
-    charted.save(folder / spec["chart"])
+    scored.save(folder / spec["chart"])
     return {**oracle, "seconds": time.perf_counter() - start}
 
 
-WORK: dict[str, Callable[[dict[str, Any], Path, Report], dict[str, Any]]] = {
-    "teach": teach,
-    "train": train,
-    "play": judge,
-    "chart": chart,
+HANDLERS: dict[str, Callable[[dict[str, Any], Path, Report], dict[str, Any]]] = {
+    "teach": train_memory,
+    "train": train_agent,
+    "play": play_episodes,
+    "chart": score_map,
 }
-
-
-REPORT_EVERY_S = 0.5
 
 
 def main(arguments: list[str]) -> int:
     """Do the job described in the file `arguments[0]` for the run folder `arguments[1]`; return the exit code."""
-    _leave_with_the_runner()
+    _end_with_the_runner()
     job, folder = read_spec(Path(arguments[0])), Path(arguments[1])
     try:
-        write_result(job, folder, WORK[job.kind](job.spec, folder, _Reporter(job, folder)))
+        write_result(job, folder, HANDLERS[job.kind](job.spec, folder, _Reporter(job, folder)))
     except CreativeNaoError as error:
         sys.stderr.write(f"{error}\n")
         return 2
@@ -206,7 +200,7 @@ class _Reporter:
             storage.write_text(self.path, f"{share:.4f}")
 
 
-def _leave_with_the_runner() -> None:
+def _end_with_the_runner() -> None:
     """End this process when its runner is gone: nobody would collect the result, and the core is wanted elsewhere."""
     runner = os.environ.get(PARENT)
     if runner is None:

@@ -1,22 +1,18 @@
-"""A suite cut into jobs: plain data that a process of its own turns into a result file.
-
-`work.py` does what a job's kind says and reads its spec by the names given here.
-"""
+"""A suite cut into jobs: plain data that a process of its own (`job_handlers.py`) turns into a result file."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from creative_nao import storage
 from creative_nao.errors import CreativeNaoError
 from creative_nao.evaluation.resolve_agents import check_entrant, trained_here
 from creative_nao.evaluation.suites import Suite
-from creative_nao.fields import Fields, is_plain_name
+from creative_nao.schema import Field, JsonObject, NonNegative, PlainName, dump, load_json, record
 from creative_nao.storage import as_json, read_text
 
 T = TypeVar("T")
@@ -27,13 +23,14 @@ STARTING_S = 4.0
 """Expected seconds until a job's process has loaded physics and network."""
 
 
-@dataclass(frozen=True)
+@record
 class Job:
     """One piece of work.
 
     Attributes:
         name: Unique in its run folder; also the name of its files.
-        kind: `teach`, `train`, `play` or `chart`.
+        kind: What is done: a memory is trained (`teach`), an agent is trained (`train`), an agent plays episodes
+            (`play`), or a memory's map is scored (`chart`).
         title: What is shown while it runs.
         spec: Everything that decides the result; plain JSON.
         needs: Names of jobs whose files it reads.
@@ -42,14 +39,14 @@ class Job:
         seconds: Expected duration; decides the order and the time left, never a result.
     """
 
-    name: str
-    kind: str
-    title: str
-    spec: dict[str, Any]
+    name: PlainName
+    kind: Literal["teach", "train", "play", "chart"]
+    title: Annotated[str, Field(max_length=10_000)]
+    spec: JsonObject
     needs: tuple[str, ...] = ()
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
-    seconds: float = STARTING_S
+    seconds: NonNegative = STARTING_S
 
     def spec_path(self, folder: Path) -> Path:
         """Return where the job's process reads what to do."""
@@ -72,43 +69,6 @@ class Job:
         return json.loads(json.dumps({"kind": self.kind, "spec": self.spec}, allow_nan=False))
 
 
-def plan(suite: Suite, *, base_seed: int) -> tuple[Job, ...]:
-    """Cut `suite` into jobs: memories and agents are trained, memories charted, agents judged in groups.
-
-    Args:
-        suite: What to evaluate.
-        base_seed: Seed of the whole evaluation.
-
-    Returns:
-        The jobs; each stands after those it needs.
-
-    Raises:
-        CreativeNaoError: If an agent cannot take part, as `check_entrant` tells.
-    """
-    taught = {name: _teaching(suite, name) for name in suite.memories if suite.taught_seed(name) is not None}
-    learning = [agent for agent in suite.agents if trained_here(check_entrant(agent))]
-    jobs: list[Job] = [*taught.values()]
-    for group in _groups(suite.memories, suite.memories_per_job):
-        own = tuple(taught[memory] for memory in group if memory in taught)
-        trained = {
-            (agent, memory, seed): _training(suite, agent, memory, seed, base_seed, taught.get(memory))
-            for memory in group
-            for agent in learning
-            for seed in range(suite.n_seeds)
-        }
-        jobs += [*trained.values(), *(_chart(suite, memory, taught.get(memory)) for memory in group)]
-        for agent in suite.agents:
-            for seeds in _groups(range(suite.n_seeds), suite.seeds_per_job):
-                keys = [(agent, memory, seed) for memory in group for seed in seeds]
-                needed = [trained[key] for key in keys if key in trained]
-                jobs.append(_judging(suite, agent, group, seeds, needed, own, base_seed))
-    return tuple(jobs)
-
-
-def _groups(values: Sequence[T], size: int) -> list[Sequence[T]]:
-    return [values[first : first + size] for first in range(0, len(values), size)]
-
-
 def read_result(job: Job, folder: Path) -> dict[str, Any] | None:
     """Return the result of a finished job; None when it has none, a damaged one, or one of another spec."""
     path = job.result_path(folder)
@@ -129,7 +89,7 @@ def write_result(job: Job, folder: Path, result: dict[str, Any]) -> None:
 
 def write_spec(job: Job, folder: Path) -> Path:
     """Write what the job's process reads and return the path."""
-    return storage.write_text(job.spec_path(folder), json.dumps(dataclasses.asdict(job), allow_nan=False))
+    return storage.write_text(job.spec_path(folder), json.dumps(dump(job), allow_nan=False))
 
 
 def read_spec(path: Path) -> Job:
@@ -139,28 +99,49 @@ def read_spec(path: Path) -> Job:
         NotFoundError: If there is no such file.
         FileFormatError: If it is torn or foreign; the message names the field.
     """
-    found = Fields(as_json(read_text(path, "job"), f"job {path}"), f"job {path}")
-    found.only([field.name for field in dataclasses.fields(Job)])
-    for name in ("name", "kind", "title"):
-        found.text(name, longest=10_000)
-    if not is_plain_name(found.text("name", longest=10_000)):
-        raise found.refuse("name", "a plain name")
-    found.object("spec")
-    found.number("seconds", least=0.0)
-    for name in ("needs", "reads", "writes"):
-        if not all(isinstance(one, str) for one in found.listed(name)):
-            raise found.refuse(name, "a list of texts")
-    return job_from_plain(found.values)
-
-
-def job_from_plain(values: dict[str, Any]) -> Job:
-    """Return the job that `dataclasses.asdict` told as plain values."""
-    return Job(**{**values, **{name: tuple(values[name]) for name in ("needs", "reads", "writes")}})
+    return load_json(Job, path, "job")
 
 
 def slug(name: str) -> str:
     """Return a name as it may stand in a file name."""
     return "".join(letter if letter.isalnum() or letter in "-_." else "-" for letter in name)
+
+
+def plan(suite: Suite, *, base_seed: int) -> tuple[Job, ...]:
+    """Cut `suite` into jobs: memories and agents are trained, maps scored, agents judged in groups.
+
+    Args:
+        suite: What to evaluate.
+        base_seed: Seed of the whole evaluation.
+
+    Returns:
+        The jobs; each stands after those it needs.
+
+    Raises:
+        CreativeNaoError: If an agent cannot take part, as `check_entrant` tells.
+    """
+    taught = {name: _train_memory(suite, name) for name in suite.memories if suite.taught_seed(name) is not None}
+    learning = [agent for agent in suite.agents if trained_here(check_entrant(agent))]
+    jobs: list[Job] = [*taught.values()]
+    for group in _groups(suite.memories, suite.memories_per_job):
+        own = tuple(taught[memory] for memory in group if memory in taught)
+        trained = {
+            (agent, memory, seed): _train_agent(suite, agent, memory, seed, base_seed, taught.get(memory))
+            for memory in group
+            for agent in learning
+            for seed in range(suite.n_seeds)
+        }
+        jobs += [*trained.values(), *(_score_map(suite, memory, taught.get(memory)) for memory in group)]
+        for agent in suite.agents:
+            for seeds in _groups(range(suite.n_seeds), suite.seeds_per_job):
+                keys = [(agent, memory, seed) for memory in group for seed in seeds]
+                needed = [trained[key] for key in keys if key in trained]
+                jobs.append(_play(suite, agent, group, seeds, needed, own, base_seed))
+    return tuple(jobs)
+
+
+def _groups(values: Sequence[T], size: int) -> list[Sequence[T]]:
+    return [values[first : first + size] for first in range(0, len(values), size)]
 
 
 def _memory(suite: Suite, name: str) -> dict[str, Any]:
@@ -169,12 +150,12 @@ def _memory(suite: Suite, name: str) -> dict[str, Any]:
     return {"name": name, "file": file}
 
 
-def _of(teaching: Job | None) -> dict[str, Any]:
+def _after(training: Job | None) -> dict[str, Any]:
     """Return what a job takes over from the one that trains its memory."""
-    return {} if teaching is None else {"needs": (teaching.name,), "reads": teaching.writes}
+    return {} if training is None else {"needs": (training.name,), "reads": training.writes}
 
 
-def _teaching(suite: Suite, memory: str) -> Job:
+def _train_memory(suite: Suite, memory: str) -> Job:
     assert suite.taught is not None
     file = _memory(suite, memory)["file"]
     settings = {key: value for key, value in dataclasses.asdict(suite.taught).items() if key != "seeds"}
@@ -188,7 +169,7 @@ def _teaching(suite: Suite, memory: str) -> Job:
     )
 
 
-def _training(suite: Suite, agent: str, memory: str, seed: int, base_seed: int, teaching: Job | None) -> Job:
+def _train_agent(suite: Suite, agent: str, memory: str, seed: int, base_seed: int, training: Job | None) -> Job:
     bundle = f"agents/{agent}-{slug(memory)}-{seed}.safetensors"
     return Job(
         name=f"train-{agent}-{slug(memory)}-{seed}",
@@ -205,12 +186,12 @@ def _training(suite: Suite, agent: str, memory: str, seed: int, base_seed: int, 
         },
         writes=(bundle,),
         seconds=STARTING_S + suite.ppo.n_generated / 3500.0,
-        **_of(teaching),
+        **_after(training),
     )
 
 
-def _chart(suite: Suite, memory: str, teaching: Job | None) -> Job:
-    chart = f"maps/{slug(memory)}.npz"
+def _score_map(suite: Suite, memory: str, training: Job | None) -> Job:
+    file = f"maps/{slug(memory)}.npz"
     return Job(
         name=f"chart-{slug(memory)}",
         kind="chart",
@@ -220,25 +201,26 @@ def _chart(suite: Suite, memory: str, teaching: Job | None) -> Job:
             "memory": _memory(suite, memory),
             "resolution": suite.resolution,
             "n_actions": suite.n_actions,
-            "chart": chart,
+            "chart": file,
         },
-        writes=(chart,),
+        writes=(file,),
         seconds=STARTING_S + suite.resolution**2 / 5000.0,
-        **_of(teaching),
+        **_after(training),
     )
 
 
-def _judging(
+def _play(
     suite: Suite,
     agent: str,
     memories: Sequence[str],
     seeds: Sequence[int],
-    trainings: Sequence[Job],
-    teachings: Sequence[Job],
+    agents_trained: Sequence[Job],
+    memories_trained: Sequence[Job],
     base_seed: int,
 ) -> Job:
     per_action = dict(suite.seconds_per_action)
     n_episodes = len(seeds) * len(memories)
+    needed = (*agents_trained, *memories_trained)
     reach = f"{slug(memories[0])}-to-{slug(memories[-1])}" if len(memories) > 1 else slug(memories[0])
     whom = f"judge {agent}" if len(memories) == 1 else f"judge {agent} on {len(memories)} memories"
     which = f"seeds {seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else f"seed {seeds[0]}"
@@ -254,11 +236,11 @@ def _judging(
             "base_seed": base_seed,
             "n_actions": suite.n_actions,
             # Memory by memory, seed by seed; empty for an agent that is not trained here.
-            "bundles": [job.spec["bundle"] for job in trainings],
+            "bundles": [job.spec["bundle"] for job in agents_trained],
             # What made bundles and memories decides the result too.
-            "made_by": [job.described() for job in (*trainings, *teachings)],
+            "made_by": [job.described() for job in needed],
         },
-        needs=tuple(job.name for job in (*trainings, *teachings)),
-        reads=tuple(file for job in (*trainings, *teachings) for file in job.writes),
+        needs=tuple(job.name for job in needed),
+        reads=tuple(file for job in needed for file in job.writes),
         seconds=STARTING_S + n_episodes * suite.n_actions * sum(per_action.get(env, 0.01) for env in suite.envs),
     )

@@ -92,13 +92,13 @@ def code(text: str) -> str:
 
 
 def paragraph(text: str) -> str:
-    """Return sentences as one wrapped paragraph of Markdown."""
-    return _wrapped(text)
+    """Return sentences as one wrapped paragraph of Markdown and an empty line."""
+    return _wrapped(text) + "\n\n"
 
 
 def bullet(text: str) -> str:
     """Return sentences as one wrapped item of a Markdown list."""
-    return _wrapped(text, initial_indent="- ", subsequent_indent="  ")
+    return _wrapped(text, initial_indent="- ", subsequent_indent="  ") + "\n"
 
 
 def _wrapped(text: str, **indents: str) -> str:

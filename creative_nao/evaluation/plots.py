@@ -1,14 +1,7 @@
-"""Colours of the figures: those of the PB map, told apart with every kind of colour vision.
-
-Also here:
-- What all figures share: the look, and writing them as PNG and SVG without a display.
-- Figures of the rewards: per agent, over the budget, in training, and what became of the actions.
-- Figures over all memories: who earns most, how surely, how evenly, and what is left to find.
-"""
+"""Charts of a run: rewards per agent, over the budget and in training, outcomes, and comparisons over all memories."""
 
 from __future__ import annotations
 
-import io
 import itertools
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -19,14 +12,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from creative_nao import storage
 from creative_nao.evaluation.protocol import Episode
-from creative_nao.evaluation.results import Measured, Oracle
+from creative_nao.evaluation.results import Entry, Measured, Oracle
 from creative_nao.evaluation.suites import Suite
 from creative_nao.evaluation.tables import env_label
-from creative_nao.maps.colours import BLUE, BROWN, FLUCTUATING, GREEN, INK, NON_MOVING, ORANGE, SKY, YELLOW
-
-FAINT = "#8A9199"
+from creative_nao.maps.colours import BLUE, FAINT, GREEN, INK, ORANGE, OUTCOME_COLOURS
+from creative_nao.maps.figure_style import figure
 
 AGENTS = {
     "supervised": BLUE,
@@ -34,7 +25,7 @@ AGENTS = {
     "ppo": GREEN,
     "oracle": INK,
     "sobol": "#882255",
-    "replay": "#8A9199",
+    "replay": FAINT,
     "cma_es": "#CC6677",
     "cma_me": "#AA4499",
     "map_elites": "#B8860B",
@@ -49,19 +40,6 @@ AGENTS = {
 OTHERS = ("#CC6677", "#44AA99", "#332288", "#999933", "#AA4499", "#661100")
 SHAPES = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 """Agents differ in shape too, so that nothing rests on colour alone."""
-
-OUTCOMES = {
-    "learned": GREEN,
-    "unlearned": SKY,
-    "fluctuating": FLUCTUATING,
-    "non_moving": NON_MOVING,
-    "joint_limit": BROWN,
-    "torque_saturated": ORANGE,
-    "tracking_error": YELLOW,
-    "self_collision": BLUE,
-    "fell": INK,
-}
-"""Outcomes that a robot can use first, then the reasons why not."""
 
 
 def agent_label(agent: str) -> str:
@@ -82,65 +60,8 @@ def agent_marker(agent: str) -> str:
     return SHAPES[place % len(SHAPES)]
 
 
-STYLE: dict[Any, Any] = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib: the same picture everywhere
-    "font.size": 10.0,
-    "axes.titlesize": 11.0,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.edgecolor": FAINT,
-    "axes.labelcolor": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e6e8eb",
-    "grid.linewidth": 0.8,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "text.color": INK,
-    "legend.frameon": False,
-    "figure.facecolor": "white",
-    "savefig.facecolor": "white",
-    "svg.hashsalt": "creative_nao",  # the same figure, the same file
-}
-DPI = 150
-N_COLOURS = 256
-"""Colours of a PNG, which is a quarter of the size of one with all. They are chosen by octree: cutting at medians saves
-less and merges a rare colour, such as that of non-moving points, with a frequent one."""
-
-
-def figure(
-    width: float, height: float, n_rows: int = 1, n_columns: int = 1, **kwargs: object
-) -> tuple[Figure, list[Axes]]:
-    """Return an empty figure of `width` x `height` inches, free of any display, and its axes row by row."""
-    drawn = Figure(figsize=(width, height), layout="constrained")
-    axes = drawn.subplots(n_rows, n_columns, squeeze=False, **kwargs)  # pyright: ignore[reportCallIssue, reportArgumentType]
-    return drawn, list(axes.ravel())
-
-
-def save(drawn: Figure, path: Path) -> Path:
-    """Write a figure as `path`.png and `path`.svg, each in one step, and return the PNG's path."""
-    png, svg = path.with_suffix(".png"), path.with_suffix(".svg")
-    pixels = io.BytesIO()
-    drawn.savefig(pixels, format="png", dpi=DPI)
-    save_small(pixels, png)
-    with storage.replacing(svg) as temporary:
-        drawn.savefig(temporary, format="svg", metadata={"Date": None})
-    return png
-
-
-def save_small(picture: Path | io.BytesIO, png: Path) -> None:
-    """Write a picture in `N_COLOURS` as a PNG, in one step; it may be that very file."""
-    from PIL import Image
-
-    with Image.open(picture) as whole:
-        few = whole.convert("RGB").quantize(N_COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    with storage.replacing(png) as temporary:
-        few.save(temporary, format="PNG", optimize=True)
-
-
+WIDTH = 8.6
+"""Of a figure [inch]."""
 MAX_BINS = 40
 """Most points of a training curve; each is a mean over the episodes that ended in its stretch."""
 
@@ -152,7 +73,7 @@ ORACLE = {"color": INK, "linestyle": (0, (1, 1.5)), "linewidth": 1.6}
 
 def rewards(suite: Suite, results: Mapping[str, Any], measured: Measured, memory: str) -> Figure:
     """Draw each agent's reward: a dot per seed, the mean with its interval, the oracle as a dotted line."""
-    drawn, axes = figure(8.6, 1.5 + 0.55 * len(suite.agents), 1, len(suite.envs), sharey=True, sharex=True)
+    drawn, axes = figure(WIDTH, 1.5 + 0.55 * len(suite.agents), 1, len(suite.envs), sharey=True, sharex=True)
     for ax, env in zip(axes, suite.envs, strict=True):
         for place, agent in enumerate(reversed(suite.agents)):
             row = next(r for r in results["rows"] if (r["agent"], r["env"], r["memory"]) == (agent, env, memory))
@@ -181,7 +102,7 @@ def rewards(suite: Suite, results: Mapping[str, Any], measured: Measured, memory
 
 def cumulative(suite: Suite, measured: Measured, memory: str) -> Figure:
     """Draw the reward gathered so far against the actions generated: mean over seeds, band from lowest to highest."""
-    drawn, axes = figure(8.6, 3.6, 1, len(suite.envs), sharey=True, sharex=True)
+    drawn, axes = figure(WIDTH, 3.6, 1, len(suite.envs), sharey=True, sharex=True)
     budget = np.arange(suite.n_actions + 1)
     for ax, env in zip(axes, suite.envs, strict=True):
         for agent in suite.agents:
@@ -209,7 +130,7 @@ def cumulative(suite: Suite, measured: Measured, memory: str) -> Figure:
 
 def training(suite: Suite, measured: Measured, memory: str) -> Figure:
     """Draw the training episodes' rewards: a line per seed and their mean, beside what the untrained agents reach."""
-    drawn, (ax,) = figure(8.6, 3.6)
+    drawn, (ax,) = figure(WIDTH, 3.6)
     for agent in dict.fromkeys(t.agent for t in measured.trainings if t.memory == memory):
         curves = [t for t in measured.trainings if (t.memory, t.agent) == (memory, agent)]
         n_bins = min(MAX_BINS, len(set(curves[0].n_actions)))  # copies of an environment end their episodes together
@@ -240,15 +161,15 @@ def training(suite: Suite, measured: Measured, memory: str) -> Figure:
 def outcomes(suite: Suite, measured: Measured, memory: str) -> Figure:
     """Draw what became of all generated actions, as shares, per agent and environment."""
     pairs = [(env, agent) for env in suite.envs for agent in suite.agents]
-    drawn, (ax,) = figure(8.6, 1.3 + 0.34 * len(pairs))
+    drawn, (ax,) = figure(WIDTH, 1.3 + 0.34 * len(pairs))
     left = np.zeros(len(pairs))
     counts = [Counter(a.outcome for e in _episodes(measured, memory, *pair) for a in e.actions) for pair in pairs]
-    known = [*OUTCOMES, *sorted({name for count in counts for name in count} - set(OUTCOMES))]
+    known = [*OUTCOME_COLOURS, *sorted({name for count in counts for name in count} - set(OUTCOME_COLOURS))]
     for name in known:
         share = np.array([100.0 * count[name] / max(1, count.total()) for count in counts])
         if not share.any():
             continue
-        colour = OUTCOMES.get(name, FAINT)
+        colour = OUTCOME_COLOURS.get(name, FAINT)
         bars = ax.barh(range(len(pairs)), share, left=left, color=colour, label=name.replace("_", " "), height=0.72)
         ax.bar_label(
             bars,
@@ -296,10 +217,6 @@ def _binned(n_actions: Sequence[int], values: Sequence[float], edges: np.ndarray
 def _dark(colour: str) -> bool:
     red, green, blue = (int(colour[place : place + 2], 16) for place in (1, 3, 5))
     return 0.299 * red + 0.587 * green + 0.114 * blue < 140
-
-
-Entry = Mapping[str, Any]
-WIDTH = 8.6
 
 
 def standing(results: Mapping[str, Any]) -> Figure:

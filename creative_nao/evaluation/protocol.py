@@ -7,9 +7,7 @@ import dataclasses
 import io
 import math
 import time
-import zlib
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +17,11 @@ import numpy as np
 from creative_nao import storage
 from creative_nao.agents.base import Agent
 from creative_nao.agents.play import play_episode
+from creative_nao.evaluation.statistics import seed_sequence
+from creative_nao.schema import record
 
 
-@dataclass(frozen=True)
+@record
 class ActionRecord:
     """One generated action and what became of it."""
 
@@ -43,7 +43,7 @@ class ActionRecord:
     repertoire_size: int
 
 
-@dataclass(frozen=True)
+@record
 class Episode:
     """One episode of one agent."""
 
@@ -75,8 +75,7 @@ def random_streams(base_seed: int, seed: int, agent: str) -> tuple[np.random.Gen
     They do not depend on the environment: an agent that does not look at observations plays the same PB vectors in
     physics and in the mind, so that the two can be compared action by action.
     """
-    sequence = np.random.SeedSequence([base_seed, seed, zlib.crc32(agent.encode())])
-    for_agent, for_env = sequence.spawn(2)
+    for_agent, for_env = seed_sequence(base_seed, seed, agent).spawn(2)
     return np.random.default_rng(for_agent), int(for_env.generate_state(1)[0])
 
 
@@ -113,8 +112,8 @@ def play(
         seed=seed,
         actions=tuple(records),
         appropriateness_pct=float(measures["appropriateness_pct"]),
-        novelty=_number(measures["novelty"]),
-        diversity=_number(measures["diversity"]),
+        novelty=measures["novelty"],
+        diversity=measures["diversity"],
         seconds=time.perf_counter() - start,
     )
 
@@ -130,16 +129,6 @@ def write_episodes(path: str | Path, episodes: Iterable[Episode]) -> Path:
     return storage.write_text(path, text.getvalue())
 
 
-def episode_to_json(episode: Episode) -> dict[str, Any]:
-    """Return `episode` as a dictionary of plain values."""
-    return dataclasses.asdict(episode)
-
-
-def episode_from_json(values: dict[str, Any]) -> Episode:
-    """Return the episode that `episode_to_json` described."""
-    return Episode(**{**values, "actions": tuple(ActionRecord(**action) for action in values["actions"])})
-
-
 def _record(step: int, pb: np.ndarray, reward: float, info: dict[str, Any]) -> ActionRecord:
     return ActionRecord(
         step=step,
@@ -153,7 +142,3 @@ def _record(step: int, pb: np.ndarray, reward: float, info: dict[str, Any]) -> A
         reward=reward,
         repertoire_size=int(info["repertoire_size"]),
     )
-
-
-def _number(value: Any) -> float | None:
-    return None if value is None else float(value)

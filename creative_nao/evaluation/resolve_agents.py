@@ -80,19 +80,3 @@ def make_entrant(name: str, bundle: Path | None = None) -> Agent:
 def actions_before(name: str) -> int:
     """Return how many actions an entrant out of a bundle generated in training; 0 for any other."""
     return load_bundle(name).header.n_actions_training if in_bundle(name) else 0
-
-
-TOLD_IN_REPORT = ("supervised", "random", "ppo", "oracle")
-"""Agents that the report introduces at length."""
-
-
-def described(name: str) -> str:
-    """Return what an entrant does in a sentence for the report; empty for those it introduces by itself."""
-    if name in TOLD_IN_REPORT:
-        return ""
-    if in_bundle(name):
-        return f"a policy trained before with {actions_before(name):,} generated actions, out of an agent bundle."
-    if name in UNTRAINED:
-        first = (UNTRAINED[name].__doc__ or "").strip().splitlines()
-        return first[0] if first else "an agent without training."
-    return "an agent of the user."

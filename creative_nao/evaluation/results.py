@@ -1,8 +1,7 @@
-"""`results.json`: a row per agent, environment and memory; figures are means with intervals, or null with a reason.
+"""`results.json`: a row per agent, environment and memory, and a summary over memories.
 
-Also here:
-- Are the parts of a result file what they should be? It may be a stranger's: every figure is looked at before use.
-- Over all memories: each agent's mean, interquartile mean, profile and how it stands against the baseline.
+Figures are means with intervals, or null with a reason. `collect` brings the results of jobs together, `make_results`
+works the file out, `read_results` checks a file before it is used.
 """
 
 from __future__ import annotations
@@ -10,94 +9,116 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from creative_nao import storage
-from creative_nao.errors import CreativeNaoError, FileFormatError
-from creative_nao.evaluation.protocol import Episode, episode_from_json
+from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError
+from creative_nao.evaluation.jobs import Job
+from creative_nao.evaluation.protocol import Episode
 from creative_nao.evaluation.resolve_agents import actions_before, trained_here
 from creative_nao.evaluation.statistics import (
-    Estimate,
     compare,
     estimate,
     estimate_over_tasks,
     iqm,
     performance_profile,
     profile_band,
+    seed_sequence,
 )
 from creative_nao.evaluation.suites import Suite
-from creative_nao.fields import Fields
+from creative_nao.schema import AfterValidator, Count, Field, Text, parse, record
 from creative_nao.storage import as_json, read_text
 
+Row = Mapping[str, Any]
+Entry = Mapping[str, Any]
 MAX_ROWS = 100_000
-_LONGEST_TEXT = 20_000
+MEASURED = ("appropriateness_pct", "novelty", "diversity", "reward", "oracle_share")
+"""Fields of a row that are a mean with an interval, or null."""
+THRESHOLDS = tuple(round(0.05 * place, 2) for place in range(21))
+"""Shares of the oracle's reward at which a performance profile is read."""
+NO_ORACLE = (
+    "the oracle is exact only where the generated trajectory itself is scored: in physics it would have to perform "
+    "the whole map"
+)
+NO_ORACLE_UNFOLDING = (
+    "the oracle chooses from a map of single PB vectors; an action whose PB changes while it unfolds is on none"
+)
+WHY_NONE = {
+    "novelty": "no appropriate action to measure",
+    "diversity": "fewer than two appropriate actions to compare",
+    "oracle_share": "the map offers the oracle no appropriate action",
+}
 
 
-def check_rows(found: Fields, measured: tuple[str, ...]) -> None:
-    """Check the rows of a result file, as far as they have the fields of a suite's.
+def _seed(text: str) -> str:
+    if not text.isdecimal() or len(text) > 19:
+        raise ValueError("a seed of at most 19 digits")
+    return text
 
-    Args:
-        found: The file.
-        measured: Fields that hold a mean with an interval, or null.
+
+Label = Annotated[str, Field(max_length=4_000)]
+_Rewards = Annotated[dict[Annotated[str, AfterValidator(_seed)], float], Field(max_length=10_000)]
+
+
+@record(closed=False)
+class MeanInterval:
+    """A mean with its 95 % interval; `low` and `high` are null when a single seed leaves it unknown."""
+
+    mean: float
+    low: float | None = None
+    high: float | None = None
+
+    def __post_init__(self) -> None:
+        if (self.low is None) != (self.high is None) or (self.low or 0.0) > (self.high or 0.0):
+            raise SettingsError(f"`high` should be at least `low`, but is {self.high} with `low` {self.low}")
+
+
+@record(closed=False)
+class ResultRow:
+    """One agent in one environment on one memory, as far as a file holds these fields."""
+
+    agent: Label = ""
+    env: Label = ""
+    memory: Label = ""
+    n_seeds: Count = 1
+    n_actions: Count = 1
+    appropriateness_pct: MeanInterval | None = None
+    novelty: MeanInterval | None = None
+    diversity: MeanInterval | None = None
+    reward: MeanInterval | None = None
+    oracle_share: MeanInterval | None = None
+    reward_per_seed: _Rewards | None = None
+
+
+@record(closed=False)
+class ResultFile:
+    """The rows of `results.json`, which every one has."""
+
+    suite: Text
+    rows: Annotated[tuple[ResultRow, ...], Field(max_length=MAX_ROWS)]
+
+
+def read_results(path: Path) -> dict[str, Any]:
+    """Return the content of a `results.json` as plain values, after checking its rows.
 
     Raises:
-        FileFormatError: Naming the row and the field.
+        NotFoundError: If there is no such file.
+        FileFormatError: If it is not one; the message names the part.
     """
-    found.text("suite")
-    for row in found.objects("rows", MAX_ROWS):
-        for name in row.values:
-            if name in ("agent", "env", "memory"):
-                row.text(name, longest=4_000)
-            elif name in ("n_seeds", "n_actions"):
-                row.whole(name, least=1)
-            elif name in measured:
-                _interval(row, name)
-            elif name == "reward_per_seed":
-                rewards = row.object(name)
-                for seed in rewards.values:
-                    if not seed.isdecimal() or len(seed) > 19:
-                        raise FileFormatError(f"{rewards.where} should be named by seeds, but has `{seed[:40]}`")
-                    rewards.number(seed)
+    found = as_json(read_text(path, "results"), f"results {path}")
+    parse(ResultFile, found, f"results {path}")
+    return found
 
 
-def check_summary(found: Fields) -> None:
-    """Check summary, record and baseline of a result file that is published.
-
-    Raises:
-        FileFormatError: Naming the entry and the field.
-    """
-    for entry in found.objects("summary", MAX_ROWS):
-        for name in ("agent", "env"):
-            entry.text(name, longest=4_000)
-        for name in ("n_memories", "n_seeds"):
-            entry.whole(name, least=1)
-        entry.whole("n_actions_training", least=0)
-        for name in ("reward_iqm", "reward", "oracle_share"):
-            _interval(entry, name)
-        if entry.any("reward_iqm") is None:
-            raise entry.refuse("reward_iqm", "a mean with an interval")
-        if entry.any("versus") is not None:
-            versus = entry.object("versus")
-            _interval(versus, "probability_of_improvement")
-            versus.whole("n_memories_ahead", least=0)
-    if found.any("baseline") is not None:
-        found.text("baseline")
-    record = found.object("record")
-    record.text("command", _LONGEST_TEXT)
-    versions = record.object("versions")
-    for name in ("creative-nao", *versions.values):
-        versions.text(name)
-    suite = record.object("settings").object("suite")
-    suite.whole("n_actions", least=1)
-    if "about" in suite:
-        suite.text("about", _LONGEST_TEXT)
+def write_results(path: Path, results: dict[str, Any]) -> Path:
+    """Write `results.json`: strict JSON, no NaN."""
+    return storage.write_text(path, json.dumps(results, indent=2, allow_nan=False) + "\n")
 
 
 @contextlib.contextmanager
@@ -120,20 +141,158 @@ def naming(what: str) -> Iterator[None]:
         ) from error
 
 
-def _interval(found: Fields, name: str) -> None:
-    if found.any(name) is None:
-        return
-    inner = found.object(name)
-    inner.number("mean")
-    if inner.any("low") is None and inner.any("high") is None:
-        return
-    inner.number("high", least=inner.number("low"))
+def verdict(entry: Entry) -> str:
+    """Return `ahead`, `behind` or `open`: whether the difference from the baseline would hold on other memories too.
+
+    The interval that decides is the wider one, for which memories are drawn anew as well as seeds.
+    """
+    found = entry["versus"]["difference_other_memories"]
+    if found["low"] is None or found["low"] <= 0.0 <= found["high"]:
+        return "open"
+    return "ahead" if found["low"] > 0.0 else "behind"
 
 
-THRESHOLDS = tuple(round(0.05 * place, 2) for place in range(21))
-"""Shares of the oracle's reward at which a performance profile is read."""
+@record
+class Training:
+    """Training curve of one seed."""
 
-Row = Mapping[str, Any]
+    agent: str
+    memory: str
+    seed: int
+    n_actions: tuple[int, ...]
+    """Actions generated when each training episode ended."""
+    reward: tuple[float, ...]
+    seconds: float
+
+
+@record
+class Oracle:
+    """What the greedy oracle earns on the whole map of a memory, and what the map is made of."""
+
+    memory: str
+    pb: tuple[tuple[float, float], ...]
+    """What it chose, in order."""
+    rewards: tuple[float, ...]
+    """Reward of each of its actions, in order."""
+    shares_pct: dict[str, float]
+    """Share of each outcome on the map."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Everything the jobs of a suite found, in the order of the suite."""
+
+    episodes: tuple[Episode, ...]
+    trainings: tuple[Training, ...]
+    oracles: dict[str, Oracle]
+
+
+def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, Any]]) -> Measured:
+    """Put the jobs' results in order; in which order they came makes no difference.
+
+    Args:
+        suite: What was evaluated.
+        jobs: All jobs of the suite.
+        done: Their results by the jobs' names.
+
+    Raises:
+        FileFormatError: If a result is damaged; the message names the job.
+    """
+    episodes: list[Episode] = []
+    trainings: list[Training] = []
+    oracles: dict[str, Oracle] = {}
+    for job in jobs:
+        spec, result, where = job.spec, done[job.name], f"result of job {job.name}"
+        if job.kind == "play":
+            episodes += [parse(Episode, values, where) for values in result["episodes"]]
+        elif job.kind == "chart":
+            memory = spec["memory"]["name"]
+            values = {name: result[f"oracle_{name}"] for name in ("pb", "rewards")}
+            oracles[memory] = parse(Oracle, {"memory": memory, "shares_pct": result["shares_pct"], **values}, where)
+        elif job.kind == "train":
+            values = {name: result[name] for name in ("seed", "n_actions", "reward", "seconds")}
+            values |= {"agent": spec["agent"], "memory": spec["memory"]["name"]}
+            trainings.append(parse(Training, values, where))
+    episodes.sort(
+        key=lambda e: (suite.memories.index(e.memory), suite.envs.index(e.env), suite.agents.index(e.agent), e.seed)
+    )
+    trainings.sort(key=lambda t: (t.memory, t.agent, t.seed))
+    return Measured(tuple(episodes), tuple(trainings), oracles)
+
+
+def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[str, Any]:
+    """Return the content of `results.json`.
+
+    Args:
+        suite: What was evaluated.
+        measured: All episodes, trainings and oracles.
+        base_seed: Seed of the whole evaluation; decides the bootstrap samples too.
+    """
+    rows = []
+    for memory in suite.memories:
+        for env in suite.envs:
+            for agent in suite.agents:
+                chosen = [e for e in measured.episodes if (e.memory, e.env, e.agent) == (memory, env, agent)]
+                trainings = [t for t in measured.trainings if (t.memory, t.agent) == (memory, agent)]
+                oracle = measured.oracles.get(memory) if env in suite.oracle_envs else None
+                rows.append(_row(suite, chosen, trainings, oracle, base_seed))
+    return {
+        "suite": suite.name,
+        "rows": rows,
+        "baseline": suite.baseline if suite.baseline in suite.agents else None,
+        "summary": summarise(rows, baseline=suite.baseline, base_seed=base_seed),
+    }
+
+
+def _row(
+    suite: Suite, episodes: Sequence[Episode], trainings: Sequence[Training], oracle: Oracle | None, base_seed: int
+) -> dict[str, Any]:
+    first = episodes[0]
+    row: dict[str, Any] = {
+        "agent": first.agent,
+        "env": first.env,
+        "memory": first.memory,
+        "n_seeds": len(episodes),
+        "n_actions": suite.n_actions,
+    }
+    best = math.fsum(oracle.rewards) if oracle is not None else None
+    for field in MEASURED:
+        if field == "oracle_share" and best is None:
+            row[field], row[f"{field}_reason"] = None, NO_ORACLE_UNFOLDING if "Modulation" in first.env else NO_ORACLE
+            continue
+        if field == "oracle_share":
+            values = [episode.reward / best if best else None for episode in episodes]
+        else:
+            values = [getattr(episode, field) for episode in episodes]
+        stream = seed_sequence(base_seed, first.agent, first.env, first.memory, field)
+        row |= _field(field, values, np.random.default_rng(stream))
+    trained = suite.ppo.n_generated if trained_here(first.agent) else actions_before(first.agent)
+    return {
+        **row,
+        "reward_iqm": float(iqm(np.array([[episode.reward] for episode in episodes]))),
+        "reward_per_seed": {str(episode.seed): episode.reward for episode in episodes},
+        "oracle_reward": best,
+        "outcomes": dict(sorted(Counter(action.outcome for e in episodes for action in e.actions).items())),
+        "n_actions_training": trained,
+        "seconds": math.fsum(episode.seconds for episode in episodes) / len(episodes),
+        "seconds_training": math.fsum(t.seconds for t in trainings) / len(trainings) if trainings else 0.0,
+    }
+
+
+def _field(field: str, values: Sequence[float | None], rng: np.random.Generator) -> dict[str, Any]:
+    known = [value for value in values if value is not None]
+    if not known:
+        return {field: None, f"{field}_reason": WHY_NONE[field]}
+    found = estimate(np.array(known), rng=rng)
+    described: dict[str, Any] = {field: found.as_json()}
+    reasons = []
+    if len(known) < len(values):
+        reasons.append(f"over {len(known)} of {len(values)} seeds; in the others {WHY_NONE[field]}")
+    if found.low is None:
+        reasons.append("no interval from a single seed")
+    if reasons:
+        described[f"{field}_reason"] = "; ".join(reasons)
+    return described
 
 
 def summarise(rows: Sequence[Row], *, baseline: str, base_seed: int) -> list[dict[str, Any]]:
@@ -171,7 +330,7 @@ def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: 
     rewards, best = reward_table(rows, env, agent), oracle_row(rows, env, agent)
 
     def rng(field: str) -> np.random.Generator:
-        return np.random.default_rng([base_seed, *(zlib.crc32(part.encode()) for part in (agent, env, field))])
+        return np.random.default_rng(seed_sequence(base_seed, agent, env, field))
 
     entry: dict[str, Any] = {
         "agent": agent,
@@ -179,8 +338,8 @@ def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: 
         "n_memories": rewards.shape[1],
         "n_seeds": rewards.shape[0],
         "n_actions_training": first["n_actions_training"],
-        "reward": plain(estimate(rewards, rng=rng("reward"))),
-        "reward_iqm": plain(estimate(rewards, rng=rng("reward_iqm"), statistic=iqm)),
+        "reward": estimate(rewards, rng=rng("reward")).as_json(),
+        "reward_iqm": estimate(rewards, rng=rng("reward_iqm"), statistic=iqm).as_json(),
         "oracle_share": None,
         "oracle_share_iqm": None,
         "profile": None,
@@ -190,8 +349,8 @@ def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: 
         shares = rewards / best
         low, high = profile_band(shares, np.array(THRESHOLDS), rng=rng("profile"))
         entry |= {
-            "oracle_share": plain(estimate(shares, rng=rng("oracle_share"))),
-            "oracle_share_iqm": plain(estimate(shares, rng=rng("oracle_share_iqm"), statistic=iqm)),
+            "oracle_share": estimate(shares, rng=rng("oracle_share")).as_json(),
+            "oracle_share_iqm": estimate(shares, rng=rng("oracle_share_iqm"), statistic=iqm).as_json(),
             "profile": {
                 "threshold": list(THRESHOLDS),
                 "share_above": performance_profile(shares, np.array(THRESHOLDS)).tolist(),
@@ -205,186 +364,9 @@ def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: 
         difference = rewards - theirs
         entry["versus"] = {
             "baseline": baseline,
-            "probability_of_improvement": plain(compare(rewards, theirs, rng=rng("improvement"))),
-            "difference": plain(estimate(difference, rng=rng("difference"))),
-            "difference_other_memories": plain(estimate_over_tasks(difference, rng=rng("other_memories"))),
+            "probability_of_improvement": compare(rewards, theirs, rng=rng("improvement")).as_json(),
+            "difference": estimate(difference, rng=rng("difference")).as_json(),
+            "difference_other_memories": estimate_over_tasks(difference, rng=rng("other_memories")).as_json(),
             "n_memories_ahead": int((difference.mean(axis=0) > 0.0).sum()),
         }
     return entry
-
-
-def plain(found: Estimate) -> dict[str, float | None]:
-    """Return an estimate as `results.json` holds it."""
-    return {"mean": found.value, "low": found.low, "high": found.high}
-
-
-MEASURED = ("appropriateness_pct", "novelty", "diversity", "reward", "oracle_share")
-"""Fields of a row that are a mean with an interval, or null."""
-
-NO_ORACLE = (
-    "the oracle is exact only where the generated trajectory itself is scored: in physics it would have to perform "
-    "the whole map"
-)
-NO_ORACLE_UNFOLDING = (
-    "the oracle chooses from a map of single PB vectors; an action whose PB changes while it unfolds is on none"
-)
-WHY_NONE = {
-    "novelty": "no appropriate action to measure",
-    "diversity": "fewer than two appropriate actions to compare",
-    "oracle_share": "the map offers the oracle no appropriate action",
-}
-
-
-@dataclass(frozen=True)
-class Training:
-    """Training curve of one seed."""
-
-    agent: str
-    memory: str
-    seed: int
-    n_actions: tuple[int, ...]
-    reward: tuple[float, ...]
-    seconds: float
-
-
-@dataclass(frozen=True)
-class Oracle:
-    """What the greedy oracle earns on the whole map of a memory, and what the map is made of."""
-
-    memory: str
-    pb: tuple[tuple[float, float], ...]
-    """What it chose, in order."""
-    rewards: tuple[float, ...]
-    """Reward of each of its actions, in order."""
-    shares_pct: dict[str, float]
-    """Share of each outcome on the map."""
-
-
-@dataclass(frozen=True)
-class Measured:
-    """Everything the jobs of a suite brought home, in the order of the suite."""
-
-    episodes: tuple[Episode, ...]
-    trainings: tuple[Training, ...]
-    oracles: dict[str, Oracle]
-
-
-def collect(suite: Suite, results: Iterable[Mapping[str, Any]]) -> Measured:
-    """Put the jobs' results in order; in which order they came makes no difference.
-
-    Args:
-        suite: What was evaluated.
-        results: Of all jobs, each with its `kind`, `spec` and `result` under these names.
-    """
-    episodes: list[Episode] = []
-    trainings: list[Training] = []
-    oracles: dict[str, Oracle] = {}
-    for entry in results:
-        kind, spec, result = entry["kind"], entry["spec"], entry["result"]
-        if kind == "play":
-            episodes += [episode_from_json(values) for values in result["episodes"]]
-        elif kind == "chart":
-            chosen = tuple((first, second) for first, second in result["oracle_pb"])
-            earned = tuple(result["oracle_rewards"])
-            memory = spec["memory"]["name"]
-            oracles[memory] = Oracle(memory, chosen, earned, result["shares_pct"])
-        elif kind == "train":
-            curve = tuple(result["n_actions"]), tuple(result["reward"])
-            trainings.append(Training(spec["agent"], spec["memory"]["name"], spec["seed"], *curve, result["seconds"]))
-    episodes.sort(
-        key=lambda e: (suite.memories.index(e.memory), suite.envs.index(e.env), suite.agents.index(e.agent), e.seed)
-    )
-    trainings.sort(key=lambda t: (t.memory, t.agent, t.seed))
-    return Measured(tuple(episodes), tuple(trainings), oracles)
-
-
-def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[str, Any]:
-    """Return the content of `results.json`.
-
-    Args:
-        suite: What was evaluated.
-        measured: All episodes, trainings and oracles.
-        base_seed: Seed of the whole evaluation; decides the bootstrap samples too.
-    """
-    rows = []
-    for memory in suite.memories:
-        for env in suite.envs:
-            for agent in suite.agents:
-                chosen = [e for e in measured.episodes if (e.memory, e.env, e.agent) == (memory, env, agent)]
-                trainings = [t for t in measured.trainings if (t.memory, t.agent) == (memory, agent)]
-                oracle = measured.oracles.get(memory) if env in suite.oracle_envs else None
-                rows.append(_row(suite, chosen, trainings, oracle, base_seed))
-    return {
-        "suite": suite.name,
-        "rows": rows,
-        "baseline": suite.baseline if suite.baseline in suite.agents else None,
-        "summary": summarise(rows, baseline=suite.baseline, base_seed=base_seed),
-    }
-
-
-def write_results(path: Path, results: dict[str, Any]) -> Path:
-    """Write `results.json`: strict JSON, no NaN."""
-    return storage.write_text(path, json.dumps(results, indent=2, allow_nan=False) + "\n")
-
-
-def read_results(path: Path) -> dict[str, Any]:
-    """Read a `results.json`.
-
-    Raises:
-        NotFoundError: If there is no such file.
-        FileFormatError: If it is not one; the message names the part.
-    """
-    found = as_json(read_text(path, "results"), f"results {path}")
-    check_rows(Fields(found, f"results {path}"), MEASURED)
-    return found
-
-
-def _row(
-    suite: Suite, episodes: Sequence[Episode], trainings: Sequence[Training], oracle: Oracle | None, base_seed: int
-) -> dict[str, Any]:
-    first = episodes[0]
-    row: dict[str, Any] = {
-        "agent": first.agent,
-        "env": first.env,
-        "memory": first.memory,
-        "n_seeds": len(episodes),
-        "n_actions": suite.n_actions,
-    }
-    best = math.fsum(oracle.rewards) if oracle is not None else None
-    for field in MEASURED:
-        if field == "oracle_share" and best is None:
-            row[field], row[f"{field}_reason"] = None, NO_ORACLE_UNFOLDING if "Modulation" in first.env else NO_ORACLE
-            continue
-        if field == "oracle_share":
-            values = [episode.reward / best if best else None for episode in episodes]
-        else:
-            values = [getattr(episode, field) for episode in episodes]
-        seed = [base_seed, *(zlib.crc32(part.encode()) for part in (first.agent, first.env, first.memory, field))]
-        row |= _field(field, values, np.random.default_rng(seed))
-    trained = suite.ppo.n_generated if trained_here(first.agent) else actions_before(first.agent)
-    return {
-        **row,
-        "reward_iqm": float(iqm(np.array([[episode.reward] for episode in episodes]))),
-        "reward_per_seed": {str(episode.seed): episode.reward for episode in episodes},
-        "oracle_reward": best,
-        "outcomes": dict(sorted(Counter(action.outcome for e in episodes for action in e.actions).items())),
-        "n_actions_training": trained,
-        "seconds": math.fsum(episode.seconds for episode in episodes) / len(episodes),
-        "seconds_training": math.fsum(t.seconds for t in trainings) / len(trainings) if trainings else 0.0,
-    }
-
-
-def _field(field: str, values: Sequence[float | None], rng: np.random.Generator) -> dict[str, Any]:
-    known = [value for value in values if value is not None]
-    if not known:
-        return {field: None, f"{field}_reason": WHY_NONE[field]}
-    found = estimate(np.array(known), rng=rng)
-    described: dict[str, Any] = {field: {"mean": found.value, "low": found.low, "high": found.high}}
-    reasons = []
-    if len(known) < len(values):
-        reasons.append(f"over {len(known)} of {len(values)} seeds; in the others {WHY_NONE[field]}")
-    if found.low is None:
-        reasons.append("no interval from a single seed")
-    if reasons:
-        described[f"{field}_reason"] = "; ".join(reasons)
-    return described

@@ -200,7 +200,7 @@ def evaluate(
     start = time.monotonic()
     done = executor.run(jobs, folder, on_progress)
     with naming(f"results in {folder / 'jobs'}"):
-        measured = collect(suite, [{"kind": job.kind, "spec": job.spec, "result": done[job.name]} for job in jobs])
+        measured = collect(suite, jobs, done)
         results = make_results(suite, measured, base_seed=seed)
     write_results(folder / "results.json", results)
     write_episodes(folder / "episodes.csv", measured.episodes)

@@ -41,6 +41,10 @@ class Estimate:
     high: float | None
     n_runs: int
 
+    def as_json(self) -> dict[str, float | None]:
+        """Return the figure as `results.json` holds it."""
+        return {"mean": self.value, "low": self.low, "high": self.high}
+
 
 def seed_sequence(*parts: int | str) -> np.random.SeedSequence:
     """Return the seeds of one purpose of an evaluation; text counts by its CRC-32, so that a name is a seed.

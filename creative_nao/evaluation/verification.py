@@ -14,19 +14,26 @@ import numpy as np
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import Job, plan
-from creative_nao.evaluation.protocol import episode_from_json
-from creative_nao.evaluation.results import naming, read_results, summarise
-from creative_nao.evaluation.run import input_hashes, read_record
+from creative_nao.evaluation.results import collect, naming, read_results, summarise
+from creative_nao.evaluation.run import RECORD, RunRecord, input_hashes, read_record
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import Suite, refuse_modules, suite_from_values
-from creative_nao.fields import Fields
 from creative_nao.runtime import versions
+from creative_nao.schema import JsonObject, Seed, parse, record
 
 TOLERANCE = 0.01
 """Largest relative difference of an episode's reward where versions or the processor differ: 1 %."""
 
 SUMMARY_TOLERANCE = 1e-9
 """Largest relative difference of a mean worked out again from the same numbers."""
+
+
+@record(closed=False)
+class RunSettings:
+    """The settings in the record of a suite's run."""
+
+    suite: JsonObject
+    seed: Seed
 
 
 @dataclass(frozen=True)
@@ -88,31 +95,28 @@ def verify(
         SettingsError: If there is no such row.
     """
     results = read_results(path)
-    record = results.get("record") or (read_record(path.parent) if (path.parent / "run.json").is_file() else None)
-    if record is None:
+    made = results.get("record") or (read_record(path.parent) if (path.parent / RECORD).is_file() else None)
+    if made is None:
         raise FileFormatError(f"results {path}: no `record`, and no run.json beside it that tells how it was made")
     if n_sample < 0:
         raise SettingsError(f"`--sample` should be at least 0, but is {n_sample}")
     rows = results["rows"]
     if row is not None and not 1 <= row <= len(rows):
         raise SettingsError(f"`--row` should be between 1 and {len(rows)}, the rows of {path}, but is {row}")
-    settings = Fields(record, f"results {path}: record").object("settings")
-    suite = suite_from_values(settings.object("suite").values, where=f"results {path}, `settings`")
+    made = parse(RunRecord, made, f"results {path}: record")
+    settings = parse(RunSettings, made.settings, f"results {path}: record: `settings`")
+    suite = suite_from_values(settings.suite, where=f"results {path}, `settings`")
     if not trusted:
         refuse_modules(suite, f"results {path}")
-    base_seed = settings.whole("seed", least=0)
     with naming(f"results {path}"):
         chosen = _sample(rows if row is None else [rows[row - 1]], n_sample)
-        differences = _differences(suite, record)
-        jobs = _jobs(suite, base_seed, {(r["agent"], r["memory"], seed) for r, seed in chosen})
-        broken = tuple(contradictions(results, suite.baseline, base_seed))
+        differences = _differences(suite, made)
+        jobs = _jobs(suite, settings.seed, {(r["agent"], r["memory"], seed) for r, seed in chosen})
+        broken = tuple(contradictions(results, suite.baseline, settings.seed))
     with tempfile.TemporaryDirectory(prefix="creative-nao-") as folder:
         done = (executor or LocalExecutor.on_all_cores()).run(jobs, Path(folder), on_progress)
-    played = {
-        (found.agent, found.env, found.memory, found.seed): found.reward
-        for result in done.values()
-        for found in map(episode_from_json, result.get("episodes", ()))
-    }
+    episodes = collect(suite, jobs, done).episodes
+    played = {(found.agent, found.env, found.memory, found.seed): found.reward for found in episodes}
     checks = []
     for entry, seed in chosen:
         key = (entry["agent"], entry["env"], entry["memory"], seed)
@@ -184,17 +188,17 @@ def _jobs(suite: Suite, base_seed: int, wanted: set[tuple[str, str, int]]) -> li
     return [job for name, job in jobs.items() if name in names]
 
 
-def _differences(suite: Suite, record: Mapping[str, Any]) -> list[str]:
+def _differences(suite: Suite, made: RunRecord) -> list[str]:
     try:
         files = input_hashes(suite)
     except OSError as error:
         raise NotFoundError(f"{error.filename}: {error.strerror}") from None
     changed = [
-        f"{name} is another file than then" for name, digest in record["memories"].items() if files.get(name) != digest
+        f"{name} is another file than then" for name, digest in made.memories.items() if files.get(name) != digest
     ]
     now = versions()
     return changed + [
         f"{package} was {version}, now {now.get(package, 'missing')}"
-        for package, version in record["versions"].items()
+        for package, version in made.versions.items()
         if now.get(package) != version
     ]

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from creative_nao.evaluation.plots import DPI, save
+from creative_nao.maps.figure_style import DPI, save
 
 
 @pytest.fixture(scope="module")

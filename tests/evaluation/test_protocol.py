@@ -1,6 +1,7 @@
 """Every generated action is written down, and what decides it is the seed alone."""
 
 import csv
+import json
 
 import fake_boxing
 import gymnasium as gym
@@ -9,14 +10,8 @@ import pytest
 
 from creative_nao.agents import make_agent
 from creative_nao.errors import SettingsError
-from creative_nao.evaluation.protocol import (
-    COLUMNS,
-    episode_from_json,
-    episode_to_json,
-    play,
-    random_streams,
-    write_episodes,
-)
+from creative_nao.evaluation.protocol import COLUMNS, Episode, play, random_streams, write_episodes
+from creative_nao.schema import dump, parse
 
 
 def episode(agent="random", physical=False, n_actions=30, **kwargs):
@@ -55,7 +50,7 @@ def test_a_budget_that_is_not_the_episode_is_refused(n_actions, text):
 
 def test_an_episode_survives_json():
     found = episode()
-    assert episode_from_json(episode_to_json(found)) == found
+    assert parse(Episode, json.dumps(dump(found)), "episode") == found
 
 
 def test_the_csv_holds_every_action_with_all_digits(tmp_path):

@@ -9,10 +9,9 @@ from pathlib import Path
 import pytest
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
-from creative_nao.evaluation.result_page import MENTAL, publish, read_published, result_page, verdict
-from creative_nao.evaluation.results import make_results
+from creative_nao.evaluation.publishing import MENTAL, leaderboard, publish, read_published, result_page
+from creative_nao.evaluation.results import make_results, verdict
 from creative_nao.evaluation.runner import LocalExecutor
-from creative_nao.evaluation.tables import leaderboard
 from creative_nao.evaluation.verification import contradictions, verify
 
 DOCS = Path(__file__).parents[2] / "docs"

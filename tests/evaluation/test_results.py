@@ -1,14 +1,19 @@
 """Figures that cannot be measured are null with a reason, never a number that looks like one."""
 
 import dataclasses
+import html
+import re
 
 import fake_boxing
 import pytest
 
 from creative_nao.agents import make_agent
+from creative_nao.evaluation.pages import render
 from creative_nao.evaluation.protocol import play
-from creative_nao.evaluation.report import findings, limits, notes
+from creative_nao.evaluation.report import findings, notes
+from creative_nao.evaluation.resolve_agents import trained_here
 from creative_nao.evaluation.results import Measured, Oracle, make_results
+from creative_nao.evaluation.tables import env_label
 
 MENTAL = "fake_boxing:Fake/BoxingMental-v0"
 
@@ -68,11 +73,26 @@ def test_the_intervals_do_not_depend_on_other_rows(suite, make_suite):
     assert rows(alone, found)[0] == rows(suite, found)[1]
 
 
+def sentences(template, **values):
+    """What a part of the report says, a text for each of its items."""
+    items = re.findall(r"<li>(.*?)</li>", render(template, **values), re.DOTALL)
+    return [" ".join(html.unescape(item).split()) for item in items]
+
+
+def told_findings(suite, results, found):
+    return sentences("findings.html.jinja", **findings(suite, results, found))
+
+
+def told_limits(suite):
+    trained = [agent for agent in suite.agents if trained_here(agent)]
+    return sentences("limits.html.jinja", suite=suite, trained=trained, env_label=env_label)
+
+
 def text_of(suite, supervised, random):
     results = make_results(suite, measured(), base_seed=0)
     for row, (low, mean, high) in zip(results["rows"], (supervised, random), strict=True):
         row["reward"] = {"low": low, "mean": mean, "high": high}
-    return findings(suite, results, measured())[0]
+    return told_findings(suite, results, measured())[0]
 
 
 def test_overlapping_intervals_are_not_called_a_difference(suite):
@@ -88,22 +108,21 @@ def test_the_best_in_reward_is_not_called_the_most_diverse_when_it_is_not(suite)
     for row, reward, diversity in zip(results["rows"], (2.0, 3.0), (50.0, 40.0), strict=True):
         row["reward"] = {"mean": reward, "low": reward - 0.1, "high": reward + 0.1}
         row["diversity"] = {"mean": diversity, "low": None, "high": None}
-    told = findings(suite, results, measured())[0]
+    told = told_findings(suite, results, measured())[0]
     assert "random is not the most diverse, though: diversity is random 40.0, supervised 50.0." in told
     results["rows"][1]["diversity"]["mean"] = 60.0
-    assert "diverse" not in findings(suite, results, measured())[0]
+    assert "diverse" not in told_findings(suite, results, measured())[0]
 
 
 def test_limits_speak_of_training_only_where_something_was_trained(suite, make_suite):
-    assert not any("trained on" in line for line in limits(suite) if "network" not in line)
-    assert any("judged on the very memory" in line for line in limits(make_suite()))
+    assert not any("trained on" in line for line in told_limits(suite) if "network" not in line)
+    assert any("judged on the very memory" in line for line in told_limits(make_suite()))
 
 
 def test_each_reason_is_told_once(suite):
     found = measured(random={"novelty": None}, supervised={"novelty": None})
-    told = [note for note in notes({"rows": rows(suite, found)}) if note.startswith("novelty")]
-    assert len(told) == 1
-    assert told[0].endswith("(all rows).")
+    told = [(text, where) for text, where in notes({"rows": rows(suite, found)}) if text.startswith("novelty")]
+    assert [where for _, where in told] == [[]]  # all rows
 
 
 def test_what_physics_changes_is_counted_over_the_same_choices(make_suite):
@@ -117,6 +136,6 @@ def test_what_physics_changes_is_counted_over_the_same_choices(make_suite):
     usable = [action.appropriate for action in played[1].actions]
     refused = sum(usable) - sum(action.appropriate for action in played[0].actions)
     change = 100.0 * (played[0].reward / played[1].reward - 1.0)
-    told = findings(both, make_results(both, found, base_seed=0), found)[2]
+    told = told_findings(both, make_results(both, found, base_seed=0), found)[2]
     assert f"of {sum(usable)} actions that are usable in the mind, the robot's body refused {refused};" in told
     assert f"earn {change:+.1f} %" in told

@@ -89,8 +89,7 @@ def test_the_record_makes_the_run_repeatable(finished):
 def episodes_of(suite, folder, seed, n_workers):
     jobs = plan(suite, base_seed=seed)
     done = LocalExecutor(n_workers).run(jobs, folder)
-    measured = collect(suite, [{"kind": job.kind, "spec": job.spec, "result": done[job.name]} for job in jobs])
-    return [dataclasses.replace(episode, seconds=0.0) for episode in measured.episodes]
+    return [dataclasses.replace(episode, seconds=0.0) for episode in collect(suite, jobs, done).episodes]
 
 
 def test_neither_the_number_of_workers_nor_the_grouping_of_seeds_changes_a_bit(finished, make_suite, tmp_path):

@@ -9,7 +9,7 @@ from creative_nao import storage
 from creative_nao.demonstrations import files, save_demonstrations
 from creative_nao.errors import NotFoundError
 from creative_nao.evaluation import job_handlers as worker
-from creative_nao.evaluation.job_handlers import WORK
+from creative_nao.evaluation.job_handlers import HANDLERS
 from creative_nao.evaluation.jobs import Job, write_spec
 from creative_nao.evaluation.run import open_folder
 from creative_nao.explorer.state import Favourite, Session
@@ -20,7 +20,7 @@ def test_a_worker_tells_of_a_full_disk_as_of_a_user_s_mistake(tmp_path, monkeypa
     def fill(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "maps/half-0.npz")
 
-    monkeypatch.setitem(WORK, "chart", fill)
+    monkeypatch.setitem(HANDLERS, "chart", fill)
     spec = write_spec(Job("chart", "chart", "chart", {}), tmp_path)
 
     assert worker.main([str(spec), str(tmp_path)]) == 2

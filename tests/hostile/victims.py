@@ -29,7 +29,7 @@ from creative_nao.demonstrations.files import load_trajectory, save_trajectory
 from creative_nao.envs import EnvState
 from creative_nao.envs.physical_map import FIGURES, PhysicalMap
 from creative_nao.evaluation.jobs import Job, read_result, read_spec, write_result, write_spec
-from creative_nao.evaluation.result_page import with_record
+from creative_nao.evaluation.publishing import with_record
 from creative_nao.evaluation.results import read_results, write_results
 from creative_nao.evaluation.run import read_record, write_record
 from creative_nao.evaluation.suites import read_suite
@@ -76,7 +76,6 @@ OWN_FILES = {
     "creative_nao/maps/figure_style.py": "pictures it has just drawn",
     "creative_nao/cli/dispatch.py": "the null device",
     "creative_nao/cli/doctor.py": "/proc/meminfo",
-    "creative_nao/evaluation/gallery.py": "pictures it has just drawn",
     "creative_nao/evaluation/pages.py": "pictures it has just drawn",
     "creative_nao/evaluation/paper/blocks.py": "pictures it has just drawn",
     "creative_nao/evaluation/paper/claims.py": "what the paper says, which ships",
@@ -302,7 +301,7 @@ def _run_folder(folder: Path) -> dict[str, Victim]:
 
 
 def _ranked(results: dict[str, Any]) -> None:
-    from creative_nao.evaluation.tables import leaderboard
+    from creative_nao.evaluation.publishing import leaderboard
 
     leaderboard({"results.json": results})
 
