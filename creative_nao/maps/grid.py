@@ -70,7 +70,9 @@ def region_sizes(mask: np.ndarray) -> np.ndarray:
         >>> region_sizes(np.array([[1, 0, 1], [1, 0, 0]], dtype=bool)).tolist()
         [2, 1]
     """
-    return np.bincount(ndimage.label(mask)[0].ravel())[1:]
+    labels = np.zeros(mask.shape, dtype=np.int32)
+    ndimage.label(mask, output=labels)
+    return np.bincount(labels.ravel())[1:]
 
 
 def n_border_edges(labels: np.ndarray) -> int:

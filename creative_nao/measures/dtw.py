@@ -322,7 +322,7 @@ def cumulative_cost(a: ArrayLike, b: ArrayLike) -> list[list[float]]:
     return best
 
 
-def warping_path(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def warping_path(a: ArrayLike, b: ArrayLike) -> np.ndarray:
     """Return the best alignment of two trajectories, whose cost is `dtw(a, b)`.
 
     Of equally good steps the diagonal one is taken, then one along `a`.
@@ -348,7 +348,7 @@ def warping_path(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.array(path[::-1])
 
 
-def warping(a: np.ndarray, b: np.ndarray) -> float:
+def warping(a: ArrayLike, b: ArrayLike) -> float:
     """Return how far the best alignment of two trajectories leaves the diagonal on average, in [0, 1).
 
     0: the same things happen at the same share of the time; larger: earlier or later. Our own definition: the mean,
@@ -378,66 +378,3 @@ def warping_diversity(trajectories: Trajectories) -> float:
     """
     n = at_least_two(trajectories)
     return float(np.mean([warping(trajectories[i], trajectories[j]) for i in range(n) for j in range(i)]))
-
-
-def dtw_variant_matrix(
-    a: Trajectories,
-    b: Trajectories,
-    *,
-    dependent: bool = True,
-    window: int | None = None,
-    normalise: bool = False,
-    squared: bool = False,
-) -> np.ndarray:
-    """Return the distance of every trajectory of `a` to every one of `b` under another reading of the definition.
-
-    The default settings are the project's definition and give what `dtw_matrix` gives.
-
-    Args:
-        a: A list of (n_steps, n_joints) arrays, whose lengths may differ, or one (n, n_steps, n_joints) array.
-        b: The others.
-        dependent: Whether all joints share one path.
-        window: Largest difference of two matched ticks, 0 or more; None: any.
-        normalise: Whether to divide by the number of pairs on the path.
-        squared: Whether the local cost is squared.
-
-    Returns:
-        Shape (len(a), len(b)), float64: in the unit of the values, or its square where `squared`.
-
-    Raises:
-        SettingsError: If `window` is negative.
-        ShapeError: If a trajectory is empty, not finite, or has other joints than the rest.
-
-    Example:
-        >>> float(dtw_variant_matrix([[[0.0], [2.0]]], [[[0.0], [1.0]]], squared=True, normalise=True)[0, 0])
-        0.5
-    """
-    if window is not None and window < 0:
-        raise SettingsError(f"`window` should be 0 or more ticks, or None, but is {window}.")
-    if dependent and window is None and not normalise and not squared:
-        return dtw_matrix(a, b)
-    from creative_nao.measures import _dtw_kernels  # numba takes half a second to import
-
-    first, second = _flat(a, "a"), _flat(b, "b")
-    out = np.zeros((len(first[1]) - 1, len(second[1]) - 1))
-    if out.size:
-        if first[0].shape[1] != second[0].shape[1]:
-            raise ShapeError(
-                f"`b` should have the joints of `a`, {first[0].shape[1]} columns, but has {second[0].shape[1]}."
-            )
-        limit = -1 if window is None else window
-        _dtw_kernels.fill_variant(*first, *second, dependent, limit, normalise, squared, out)
-    return out
-
-
-def _flat(series: Trajectories, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return all ticks in a row, (n_ticks, n_joints) float64, and where each trajectory begins, (n + 1,)."""
-    arrays = [np.asarray(one, dtype=np.float64) for one in series]
-    for place, one in enumerate(arrays):
-        wanted = arrays[0].shape[1] if arrays[0].ndim == 2 else "n_joints"
-        if one.ndim != 2 or not one.size or one.shape[1] != wanted:
-            raise ShapeError(f"`{name}[{place}]` should have shape (n_steps >= 1, {wanted}), but has {one.shape}.")
-        if not np.isfinite(one).all():
-            raise ShapeError(f"`{name}[{place}]` should hold finite values, but holds {one[~np.isfinite(one)][0]}.")
-    offset = np.concatenate([[0], np.cumsum([len(one) for one in arrays])]).astype(np.int64)
-    return (np.ascontiguousarray(np.concatenate(arrays)) if arrays else np.zeros((0, 1))), offset
