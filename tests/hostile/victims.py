@@ -77,7 +77,6 @@ OWN_FILES = {
     "creative_nao/cli/dispatch.py": "the null device",
     "creative_nao/cli/doctor.py": "/proc/meminfo",
     "creative_nao/evaluation/pages.py": "pictures it has just drawn",
-    "creative_nao/evaluation/paper/blocks.py": "pictures it has just drawn",
     "creative_nao/evaluation/paper/claims.py": "what the paper says, which ships",
     "creative_nao/evaluation/paper/page.py": "results it has just written",
     "creative_nao/evaluation/paper/summary.py": "figures it kept, done again when they do not fit",
