@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import tyro
 
-from creative_nao.errors import FileFormatError, MissingDependencyError, NotFoundError, SettingsError
-from creative_nao.fields import shown
+from creative_nao.errors import FileFormatError, MissingDependencyError, NotFoundError, SettingsError, shown
 from creative_nao.model import load_memory
 from creative_nao.storage import read_text
 

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import threading
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 from urllib.parse import quote
 
 import numpy as np
 
 from creative_nao import storage
-from creative_nao.errors import FileFormatError, SettingsError
 from creative_nao.explorer.colours import NAMES, NEAREST
 from creative_nao.explorer.memory_service import as_coordinate
 from creative_nao.explorer.view import ALL, SMALLEST, View
-from creative_nao.fields import LONGEST_NAME, Fields, is_writable
-from creative_nao.storage import as_json, read_text
+from creative_nao.schema import Field, LongText, Text, Version1, parse, record, save_json
+from creative_nao.storage import read_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,33 +81,31 @@ def _view_of(text: str) -> View | None:
     return View(left, bottom, width)
 
 
-FORMAT_VERSION = 1
 MAX_FILE_BYTES = 4_000_000
 MAX_FAVOURITES = 500
 MAX_POINTS = 200
 MAX_NOTE = 300
 
 
-@dataclass(frozen=True)
+Coordinate = Annotated[float, Field(ge=-1, le=1)]
+
+
+@record
 class Favourite:
     """A movement to come back to: its memory's content hash, its points, a note, and which memory stood beside."""
 
-    memory: str
-    points: tuple[tuple[float, float], ...]
-    note: str = ""
-    beside: str = ""
+    memory: Text
+    points: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=1, max_length=MAX_POINTS)]
+    note: Annotated[LongText, Field(max_length=MAX_NOTE)] = ""
+    beside: Text = ""
 
-    def __post_init__(self) -> None:
-        """Check the fields, which may come from a file."""
-        points = np.asarray(self.points)
-        fits = points.ndim == 2 and points.shape[1:] == (2,) and 1 <= len(points) <= MAX_POINTS
-        if not fits or points.dtype.kind not in "fi" or not (np.abs(points) <= 1).all():
-            raise SettingsError("`points` of a favourite should be 1 to 200 pairs of numbers in [-1, 1]")
-        for field_name, longest in (("note", MAX_NOTE), ("memory", LONGEST_NAME), ("beside", LONGEST_NAME)):
-            text = getattr(self, field_name)
-            if not isinstance(text, str) or len(text) > longest or not is_writable(text):
-                raise SettingsError(f"`{field_name}` of a favourite should be text of at most {longest} characters")
-        object.__setattr__(self, "points", tuple((float(a), float(b)) for a, b in points))
+
+@record(closed=False)
+class SessionFile:
+    """What the session file holds."""
+
+    format_version: Version1
+    favourites: tuple[Favourite, ...]
 
 
 def default_path() -> Path:
@@ -155,23 +152,11 @@ class Session:
         with self._lock, storage.alone(self.path.parent):
             # A file that has vanished is written again from what is remembered here.
             favourites = change(_read(self.path) if self.path.exists() else self._favourites)
-            content = {"format_version": FORMAT_VERSION, "favourites": [asdict(one) for one in favourites]}
-            storage.write_text(self.path, json.dumps(content, indent=1) + "\n")
+            save_json(self.path, SessionFile(1, tuple(favourites)), indent=1)
             self._favourites = favourites
 
 
 def _read(path: Path) -> list[Favourite]:
     where = f"{path}: not a session of the explorer, move it away to begin anew"
-    found = Fields(as_json(read_text(path, "session of the explorer", MAX_FILE_BYTES), where), where)
-    found.version("format_version", FORMAT_VERSION)
-    favourites = []
-    for told in found.objects("favourites"):
-        told.only(("memory", "points", "note", "beside"))
-        points, beside = tuple(told.listed("points", MAX_POINTS)), told.text("beside") if "beside" in told else ""
-        try:
-            favourites.append(Favourite(told.text("memory"), points, told.text("note", MAX_NOTE), beside))
-        except FileFormatError:
-            raise
-        except (ValueError, TypeError, OverflowError) as error:
-            raise FileFormatError(f"{told.where}: {error}") from error
-    return favourites[-MAX_FAVOURITES:]
+    found = parse(SessionFile, read_text(path, "session of the explorer", MAX_FILE_BYTES), where)
+    return list(found.favourites[-MAX_FAVOURITES:])
