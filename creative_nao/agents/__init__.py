@@ -3,17 +3,16 @@
 Interface: `Agent`, `Context`, `AgentOrderError`.
 Without rewards: `SupervisedAgent` (the paper's baseline), `ReplayAgent`, `RandomAgent`, `SobolAgent`; the ceiling:
 `OracleAgent`. Searches: `CmaEsAgent`, `CmaMeAgent`, `MapElitesAgent`, `NoveltySearchAgent`, `BayesianAgent`; the
-settings of each are a dataclass in its file.
+settings of each are a record in its file.
 PPO: `PPOSettings`, `train_ppo`; training of PPO, SAC, TD3, RecurrentPPO, TQC and CrossQ: `agents.training`,
-`agents.hyperparameters`. By name: `NAMES`, `make_agent`. Files: `save_bundle`, `load_bundle`, `load_agent`,
+`agents.settings`. By name: `NAMES`, `make_agent`. Files: `save_bundle`, `load_bundle`, `load_agent`,
 `shipped_agents`. Your own: `as_agent`, `PolicyAgent`, `FunctionAgent`, `load_entry_point`; our agents as a policy:
 `AgentPolicy`. torch and the packages of the searches are loaded when they are needed.
 """
 
 from typing import Any
 
-from creative_nao.agents.adapters import AgentPolicy, FunctionAgent, Policy, PolicyAgent, as_agent
-from creative_nao.agents.base import Agent, AgentOrderError, Context
+from creative_nao.agents.base import Agent, AgentOrderError, Context, Policy, PolicyAgent
 from creative_nao.agents.black_box import (
     BayesianAgent,
     CmaEsAgent,
@@ -24,9 +23,19 @@ from creative_nao.agents.black_box import (
     SupervisedAgent,
 )
 from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, load_bundle, save_bundle, shipped_agents
-from creative_nao.agents.ppo import PPOSettings, TrainingCurve, train_ppo
 from creative_nao.agents.quality_diversity import CmaMeAgent, MapElitesAgent, NoveltySearchAgent
-from creative_nao.agents.registry import NAMES, TRAINED, UNTRAINED, load_entry_point, make_agent
+from creative_nao.agents.registry import (
+    NAMES,
+    TRAINED,
+    UNTRAINED,
+    AgentPolicy,
+    FunctionAgent,
+    as_agent,
+    load_entry_point,
+    make_agent,
+)
+from creative_nao.agents.settings import PPOSettings
+from creative_nao.agents.training import TrainingCurve, train_ppo
 
 load_agent = load_bundle
 

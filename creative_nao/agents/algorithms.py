@@ -1,13 +1,16 @@
-"""The learning algorithms of Stable-Baselines3 and sb3-contrib that can be trained here, by name."""
+"""The algorithms of Stable-Baselines3 and sb3-contrib that can be trained here, and the settings of their policies."""
 
 from __future__ import annotations
 
 import importlib
 import inspect
+import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from creative_nao.errors import MissingDependencyError, NotFoundError, nearest_name
+from creative_nao.errors import MissingDependencyError, NotFoundError, SettingsError, nearest_name
+from creative_nao.schema import Field, checked
 
 CELL_POLICY = "creative_nao.agents.CellPolicy"
 """PPO's policy over the cells of the PB space, by a dotted path as RL Zoo reads it."""
@@ -116,3 +119,67 @@ def policy_name(name: str) -> str:
 def _settable(of: Any, left_out: tuple[str, ...]) -> dict[str, inspect.Parameter]:
     found = inspect.signature(of.__init__).parameters
     return {name: one for name, one in found.items() if name not in left_out and one.kind is not one.VAR_KEYWORD}
+
+
+ACTIVATIONS = ("ReLU", "Tanh", "ELU", "LeakyReLU", "SiLU", "GELU", "Softplus")
+"""Activations that a policy may have, classes of `torch.nn`."""
+MAX_WEIGHTS = 20_000_000
+"""Of all networks of a policy together, targets included: 80 MB."""
+Widths = Annotated[tuple[Annotated[int, Field(ge=1, le=4096)], ...], Field(max_length=16)]
+"""Units of the hidden layers of a network, layer by layer."""
+_NETS = ("pi", "vf", "qf")
+_POLICY_SETTINGS: dict[str, Any] = {
+    "activation_fn": str,
+    "n_critics": Annotated[int, Field(ge=1, le=10)],
+    "n_quantiles": Annotated[int, Field(ge=1, le=1_000)],
+    "lstm_hidden_size": Annotated[int, Field(ge=1, le=2048)],
+    "n_lstm_layers": Annotated[int, Field(ge=1, le=8)],
+    "renorm_warmup_steps": Annotated[int, Field(ge=1, le=10**9)],
+    "width": Annotated[int, Field(ge=1, le=512)],
+    "n_layers": Annotated[int, Field(ge=1, le=16)],
+    "log_std_init": Annotated[float, Field(ge=-20.0, le=20.0)],
+    "clip_mean": Annotated[float, Field(ge=-1e6, le=1e6)],
+    "batch_norm_momentum": Annotated[float, Field(ge=-1.0, le=1.0)],
+    "batch_norm_eps": Annotated[float, Field(ge=-1.0, le=1.0)],
+    "optimizer_kwargs": dict[str, float | bool],
+}
+
+
+def check_policy_settings(settings: Mapping[str, Any]) -> None:
+    """Refuse settings of a policy that are of the wrong kind or ask for a network beyond reason.
+
+    Args:
+        settings: By name, as the policies of Stable-Baselines3 take them; an activation as its name.
+
+    Raises:
+        SettingsError: Naming the setting.
+    """
+    for name, value in settings.items():
+        if name == "net_arch":
+            nets_of(value)
+        elif name in _POLICY_SETTINGS:
+            checked(_POLICY_SETTINGS[name], value, name)
+        elif not name.endswith(("_class", "_kwargs")):
+            checked(bool, value, name)
+        elif value is not None:
+            raise SettingsError(f"`{name}` cannot be set in a file, where nothing names code")
+    nets = nets_of(settings.get("net_arch"))
+    n_weights = 16 * settings.get("lstm_hidden_size", 0) ** 2 * settings.get("n_lstm_layers", 1)
+    for name, widths in nets.items():  # but for the layers that read the observation
+        between = sum(one * other for one, other in itertools.pairwise(widths))
+        n_weights += between * (1 if name == "pi" else 2 * settings.get("n_critics", 2))
+    if n_weights > MAX_WEIGHTS:
+        raise SettingsError(f"the networks would have {n_weights:,} weights, expected at most {MAX_WEIGHTS:,}")
+
+
+def nets_of(value: Any) -> dict[str, tuple[int, ...]]:
+    """Return the widths of the layers of each network that `net_arch` describes.
+
+    Raises:
+        SettingsError: If it is no list of widths, and no mapping of `pi`, `vf` and `qf` to such lists.
+    """
+    if value is None:
+        return {}
+    if isinstance(value, Mapping):
+        return checked(dict[Literal["pi", "vf", "qf"], Widths], value, "net_arch")
+    return dict.fromkeys(_NETS, checked(Widths, value, "net_arch"))

@@ -2,11 +2,7 @@
 
 The budget is counted in generated actions: one `ask` is one. The base class keeps the order and the budget, so that
 every agent is judged at the same number of generated actions and a caller's slip is an error instead of a wrong figure.
-
-Also here:
-- Agents that think in whole movements: one PB vector each, judged when the movement is scored.
-- Searches that propose a batch of PB vectors and want all its results together.
-- What the settings of several agents have in common: ranges, and packages that may be missing.
+`MovementAgent` and `BatchSearch` are what the searches build on; `PolicyAgent` plays a policy of Stable-Baselines3.
 """
 
 from __future__ import annotations
@@ -22,7 +18,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from gymnasium.spaces import Box
 
-from creative_nao.errors import CreativeNaoError, MissingDependencyError, SettingsError, ShapeError
+from creative_nao.errors import CreativeNaoError, MissingDependencyError, ShapeError
 
 
 class AgentOrderError(CreativeNaoError, RuntimeError):
@@ -231,26 +227,52 @@ class BatchSearch(MovementAgent):
         return np.empty(0)
 
 
-def at_least(settings: Any, least: int, *names: str) -> None:
-    """Refuse fields of a settings dataclass below `least`.
+class Policy(Protocol):
+    """Anything with the `predict` of Stable-Baselines3."""
 
-    Raises:
-        SettingsError: Naming the field.
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
+    ) -> tuple[np.ndarray, Any]:
+        """Return actions for observations, and the state to hand in next time."""
+        ...
+
+
+class PolicyAgent(Agent):
+    """Plays a policy as an agent.
+
+    Args:
+        policy: Anything with `predict`.
+        deterministic: Take the policy's most likely action, or draw from its distribution.
+        name: Under which results list it.
     """
-    for name in names:
-        if getattr(settings, name) < least:
-            raise SettingsError(f"`{name}` should be at least {least}, but is {getattr(settings, name)}")
 
+    name: ClassVar[str] = "policy"
 
-def positive(settings: Any, *names: str) -> None:
-    """Refuse fields of a settings dataclass that are not above 0.
+    def __init__(self, policy: Policy, *, deterministic: bool = True, name: str | None = None):
+        self.policy = policy
+        self.deterministic = deterministic
+        if name is not None:
+            self.name = name  # pyright: ignore[reportAttributeAccessIssue]
 
-    Raises:
-        SettingsError: Naming the field.
-    """
-    for name in names:
-        if not getattr(settings, name) > 0:
-            raise SettingsError(f"`{name}` should be above 0, but is {getattr(settings, name)}")
+    def start(self, context: Context) -> None:
+        """Forget the policy's state of the episode before."""
+        self._state: Any = None
+        self._first = True
+
+    def choose(self, observation: np.ndarray) -> np.ndarray:
+        """Return the policy's action, shape (2,)."""
+        episode_start = np.array([self._first])
+        self._first = False
+        if self.deterministic:
+            action, self._state = self.policy.predict(observation, self._state, episode_start, deterministic=True)
+            return action
+        import torch
+
+        # Policies of Stable-Baselines3 draw from torch's global generator; the episode's own one must decide.
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(int(self.context.rng.integers(2**63)))
+            action, self._state = self.policy.predict(observation, self._state, episode_start, deterministic=False)
+        return action
 
 
 def require_extra(*, package: str, extra: str, agent: str) -> None:

@@ -1,12 +1,6 @@
-"""Random search: the floor that every search must beat.
+"""Agents that know nothing of behaviour: points drawn or spread, what was taught, CMA-ES, Bayesian optimisation.
 
-Also here:
-- Points that fill the PB space evenly, in an order that is even at every length.
-- The paper's baseline: the trained memory alone, sampled on its grid; no reinforcement learning.
-- What the robot was taught, again and again: the learned PB vectors, then points close to them.
-- Covariance matrix adaptation: a normal distribution that moves to where rewards are high.
-- Bayesian optimisation: a Gaussian process over the PB space, and the point it expects most of.
-- The ceiling: an agent that has computed the whole map of the memory before it chooses.
+The floor is random points; the ceiling is the oracle, which has computed the whole map before it chooses.
 """
 
 from __future__ import annotations
@@ -14,24 +8,15 @@ from __future__ import annotations
 import weakref
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from creative_nao.agents.base import (
-    Agent,
-    BatchSearch,
-    Context,
-    MovementAgent,
-    at_least,
-    load_extra,
-    positive,
-    require_extra,
-)
+from creative_nao.agents.base import Agent, BatchSearch, Context, MovementAgent, load_extra, require_extra
 from creative_nao.errors import SettingsError
 from creative_nao.maps import PAPER_RESOLUTION, pb_grid, pb_map
 from creative_nao.measures import farthest_points
+from creative_nao.schema import Count, Field, Positive, record
 
 
 class RandomAgent(Agent):
@@ -97,7 +82,7 @@ class SupervisedAgent(Agent):
         return next(self._drawn)
 
 
-@dataclass(frozen=True)
+@record
 class ReplaySettings:
     """How far replay strays.
 
@@ -105,11 +90,8 @@ class ReplaySettings:
         SettingsError: If a value is out of range; the message names the field.
     """
 
-    spread: float = 0.1
+    spread: Positive = 0.1
     """Standard deviation of the steps away from a learned PB vector, in each PB unit; the square is 2 wide."""
-
-    def __post_init__(self) -> None:
-        positive(self, "spread")
 
 
 class ReplayAgent(MovementAgent):
@@ -145,7 +127,7 @@ class ReplayAgent(MovementAgent):
         return np.clip(pb, space.low, space.high)
 
 
-@dataclass(frozen=True)
+@record
 class CmaEsSettings:
     """How CMA-ES searches.
 
@@ -153,14 +135,10 @@ class CmaEsSettings:
         SettingsError: If a value is out of range; the message names the field.
     """
 
-    population_size: int = 10
-    """Movements between two updates of the distribution."""
-    sigma: float = 0.8
+    population_size: Annotated[int, Field(ge=4)] = 10
+    """Movements between two updates of the distribution; of fewer than 4 no two are parents."""
+    sigma: Positive = 0.8
     """First standard deviation, in each PB unit, around the centre of the space; the square is 2 wide."""
-
-    def __post_init__(self) -> None:
-        at_least(self, 4, "population_size")  # below, no two of them are parents
-        positive(self, "sigma")
 
 
 class CmaEsAgent(BatchSearch):
@@ -200,7 +178,7 @@ class CmaEsAgent(BatchSearch):
         self._search.tell([(point, -reward) for point, reward in zip(pb, rewards.tolist(), strict=True)])
 
 
-@dataclass(frozen=True)
+@record
 class BayesianSettings:
     """How Bayesian optimisation searches.
 
@@ -208,11 +186,8 @@ class BayesianSettings:
         SettingsError: If a value is out of range; the message names the field.
     """
 
-    n_startup: int = 15
+    n_startup: Count = 15
     """Movements drawn uniformly before the Gaussian process decides."""
-
-    def __post_init__(self) -> None:
-        at_least(self, 1, "n_startup")
 
 
 class BayesianAgent(MovementAgent):
@@ -269,7 +244,7 @@ class BayesianAgent(MovementAgent):
             logging.set_verbosity(before)
 
 
-@dataclass(frozen=True)
+@record
 class OracleSettings:
     """How much the oracle computes beforehand.
 
@@ -277,14 +252,10 @@ class OracleSettings:
         SettingsError: If a value is out of range; the message names the field.
     """
 
-    resolution: int = PAPER_RESOLUTION
+    resolution: Annotated[int, Field(ge=2)] = PAPER_RESOLUTION
     """Points along each axis of the map; 200 are 40,000 generated movements that no other agent is granted."""
-    n_planned: int = 30
+    n_planned: Count = 30
     """Choices worked out at a time; the next ones follow when they are needed."""
-
-    def __post_init__(self) -> None:
-        at_least(self, 2, "resolution")
-        at_least(self, 1, "n_planned")
 
 
 class OracleAgent(MovementAgent):

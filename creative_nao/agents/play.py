@@ -16,8 +16,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 from pydantic import Field
 
-from creative_nao.agents.adapters import Policy, PolicyAgent
-from creative_nao.agents.base import Agent, Context
+from creative_nao.agents.base import Agent, Context, Policy, PolicyAgent
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.schema import Index, LongText, dump, record
 

@@ -1,15 +1,8 @@
-"""How a movement behaves, in a few numbers: what quality diversity and novelty search sort movements by.
+"""Searches by pyribs that sort movements by how they behave: CMA-ME, MAP-Elites and novelty search.
 
-Descriptors read `info["trajectory"]`, the movement as it was scored: imagined in `BoxingMental-v0`, as the encoders
-measured it in `Boxing-v0`. An inappropriate movement counts as none at all: a search for variety would otherwise
-collect the endless variety of movements that nobody can use.
-
-Also here:
-- Searches of pyribs: an archive of the movements found, emitters that propose new ones, a scheduler between them.
-- Searches that sort movements by how far each arm moves: what CMA-ME and MAP-Elites have in common.
-- CMA-ME: evolution strategies that move to where the archive improves.
-- MAP-Elites: keep the best movement of each kind, and vary those.
-- Novelty search: look for behaviour unlike any before, whatever it earns.
+How a movement behaves is told by a descriptor, a few numbers read off `info["trajectory"]`, the movement as it was
+scored: imagined in `BoxingMental-v0`, as the encoders measured it in `Boxing-v0`. An inappropriate movement counts as
+none at all: a search for variety would otherwise collect the endless variety of movements that nobody can use.
 """
 
 from __future__ import annotations
@@ -17,14 +10,14 @@ from __future__ import annotations
 import warnings
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import ModuleType
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from creative_nao.agents.base import BatchSearch, Context, at_least, load_extra, positive, require_extra
+from creative_nao.agents.base import BatchSearch, Context, load_extra, require_extra
 from creative_nao.errors import SettingsError
+from creative_nao.schema import Count, Field, NonNegative, Positive, record
 
 N_EXCURSIONS = 2
 
@@ -44,7 +37,7 @@ def arm_excursions(info: Mapping[str, Any]) -> np.ndarray:
     Raises:
         SettingsError: If `info` does not hold the movement.
     """
-    trajectory = scored_trajectory(info)
+    trajectory = _scored_trajectory(info)
     if not info["appropriate"]:
         return np.zeros(N_EXCURSIONS)
     half = (trajectory.shape[1] + 1) // 2
@@ -65,14 +58,14 @@ def mean_postures(info: Mapping[str, Any], n_stretches: int) -> np.ndarray:
     Raises:
         SettingsError: If `info` does not hold the movement.
     """
-    trajectory = scored_trajectory(info)
+    trajectory = _scored_trajectory(info)
     n_stretches = min(n_stretches, len(trajectory))
     if not info["appropriate"]:
         return np.tile(trajectory[0], n_stretches)
     return np.concatenate([stretch.mean(axis=0) for stretch in np.array_split(trajectory, n_stretches)])
 
 
-def scored_trajectory(info: Mapping[str, Any]) -> np.ndarray:
+def _scored_trajectory(info: Mapping[str, Any]) -> np.ndarray:
     """Return the movement in `info`, shape (n_steps, n_joints) [rad].
 
     Raises:
@@ -87,26 +80,34 @@ def scored_trajectory(info: Mapping[str, Any]) -> np.ndarray:
     return np.asarray(info["trajectory"], np.float64)
 
 
-class RibsSearch(BatchSearch):
-    """Base of the agents whose search is one archive and one emitter of pyribs. A subclass defines both.
+class ArmArchiveSearch(BatchSearch):
+    """A search of pyribs: one `GridArchive` over the excursions of both arms, and one emitter that a subclass defines.
 
     The objective is what a movement earned when it was tried. It is kept as it was, although the same movement would
     earn nothing a second time: the archive is a record of finds, and its elites are where new movements start from.
+
+    Args:
+        settings: With the `n_cells` and `largest_excursion` of the archive.
 
     Raises:
         MissingDependencyError: If pyribs is not installed.
     """
 
-    def __init__(self) -> None:
-        require_ribs(self.name)
+    def __init__(self, settings: Any):
+        _require_ribs(self.name)
+        self.settings = settings
 
     def prepare(self, context: Context, seed: int) -> None:
         """Build archive, emitter and scheduler."""
-        archives, emitters, schedulers = load_ribs(self.name)
+        archives, emitters, schedulers = _load_ribs(self.name)
         for_archive, for_emitter = np.random.SeedSequence(seed).spawn(2)
-        archive = self.build_archive(archives, context, for_archive)
-        emitter = self.build_emitter(emitters, archive, context, for_emitter)
-        self._scheduler = schedulers.Scheduler(archive, [emitter])
+        archive = archives.GridArchive(
+            solution_dim=context.action_space.shape[0],
+            dims=[self.settings.n_cells] * N_EXCURSIONS,
+            ranges=[(0.0, self.settings.largest_excursion)] * N_EXCURSIONS,
+            seed=for_archive,
+        )
+        self._scheduler = schedulers.Scheduler(archive, [self.build_emitter(emitters, archive, context, for_emitter)])
 
     def propose(self) -> np.ndarray:
         """Ask the emitter, shape (n, n_pb)."""
@@ -119,89 +120,35 @@ class RibsSearch(BatchSearch):
             warnings.filterwarnings("ignore", message=".*was empty before adding solutions", category=UserWarning)
             self._scheduler.tell(rewards, descriptors)
 
+    def describe(self, info: Mapping[str, Any]) -> np.ndarray:
+        """Return how far each arm moves [rad], shape (2,)."""
+        return arm_excursions(info)
+
     @property
     def archive(self) -> Any:
         """The archive of the running episode: a `ribs.archives` archive."""
         return self._scheduler.archive
 
     @abstractmethod
-    def build_archive(self, archives: ModuleType, context: Context, seed: np.random.SeedSequence) -> Any:
-        """Return an empty archive of `ribs.archives`."""
-
-    @abstractmethod
     def build_emitter(self, emitters: ModuleType, archive: Any, context: Context, seed: np.random.SeedSequence) -> Any:
         """Return the emitter of `ribs.emitters` that fills `archive`."""
 
 
-def require_ribs(agent: str) -> None:
-    """Refuse an agent that needs pyribs where it is missing.
-
-    Raises:
-        MissingDependencyError: If it is not installed.
-    """
+def _require_ribs(agent: str) -> None:
     require_extra(package="ribs", extra="search", agent=agent)
 
 
-def load_ribs(agent: str) -> tuple[ModuleType, ModuleType, ModuleType]:
-    """Return `ribs.archives`, `ribs.emitters` and `ribs.schedulers`.
-
-    Raises:
-        MissingDependencyError: If pyribs cannot be imported.
-    """
-    archives, emitters, schedulers = (
-        load_extra(f"ribs.{part}", package="ribs", extra="search", agent=agent)
-        for part in ("archives", "emitters", "schedulers")
-    )
-    return archives, emitters, schedulers
+def _load_ribs(agent: str) -> list[ModuleType]:
+    parts = ("archives", "emitters", "schedulers")
+    return [load_extra(f"ribs.{part}", package="ribs", extra="search", agent=agent) for part in parts]
 
 
-def bounds(context: Context) -> list[tuple[float, float]]:
+def _bounds(context: Context) -> list[tuple[float, float]]:
     """Return the ends of the action space, a pair for each PB unit."""
     return list(zip(context.action_space.low.tolist(), context.action_space.high.tolist(), strict=True))
 
 
-class ArmGrid(Protocol):
-    """The settings that say how fine the archive is."""
-
-    @property
-    def n_cells(self) -> int:
-        """Cells along each of the two descriptors."""
-        ...
-
-    @property
-    def largest_excursion(self) -> float:
-        """Upper end along each descriptor [rad]."""
-        ...
-
-
-Settings = TypeVar("Settings", bound=ArmGrid)
-
-
-class ArmArchiveSearch(RibsSearch, Generic[Settings]):
-    """A search whose archive is pyribs' `GridArchive` over the excursions of both arms.
-
-    A subclass defines the emitter.
-    """
-
-    def __init__(self, settings: Settings):
-        super().__init__()
-        self.settings = settings
-
-    def build_archive(self, archives: ModuleType, context: Context, seed: np.random.SeedSequence) -> Any:
-        """Return a grid over the excursions of both arms."""
-        return archives.GridArchive(
-            solution_dim=context.action_space.shape[0],
-            dims=[self.settings.n_cells] * N_EXCURSIONS,
-            ranges=[(0.0, self.settings.largest_excursion)] * N_EXCURSIONS,
-            seed=seed,
-        )
-
-    def describe(self, info: Mapping[str, Any]) -> np.ndarray:
-        """Return how far each arm moves [rad], shape (2,)."""
-        return arm_excursions(info)
-
-
-@dataclass(frozen=True)
+@record
 class CmaMeSettings:
     """How CMA-ME searches.
 
@@ -209,26 +156,21 @@ class CmaMeSettings:
         SettingsError: If a value is out of range; the message names the field.
     """
 
-    batch_size: int = 10
+    batch_size: Annotated[int, Field(ge=2)] = 10
     """Movements between two updates of distribution and archive."""
-    sigma: float = 1.2
+    sigma: Positive = 1.2
     """First standard deviation, in each PB unit, around the centre of the space and after a restart around an elite."""
-    n_cells: int = 12
+    n_cells: Count = 12
     """Cells of the archive along each of the two descriptors."""
-    largest_excursion: float = 1.5
+    largest_excursion: Positive = 1.5
     """Upper end of the archive along each descriptor [rad]; beyond it movements fall into the last cell."""
 
-    def __post_init__(self) -> None:
-        at_least(self, 2, "batch_size")
-        at_least(self, 1, "n_cells")
-        positive(self, "sigma", "largest_excursion")
 
-
-class CmaMeAgent(ArmArchiveSearch[CmaMeSettings]):
+class CmaMeAgent(ArmArchiveSearch):
     """CMA-ME (Fontaine et al. 2020, arXiv:1912.02400) by pyribs' `GridArchive` and `EvolutionStrategyEmitter`.
 
     A movement ranks first if it fills an empty cell, then by how much it improves one. Movements are sorted by how far
-    each arm moves (`descriptors.arm_excursions`).
+    each arm moves (`arm_excursions`).
 
     Raises:
         MissingDependencyError: If pyribs is not installed.
@@ -247,13 +189,13 @@ class CmaMeAgent(ArmArchiveSearch[CmaMeSettings]):
             x0=(space.low + space.high).astype(np.float64) / 2.0,
             sigma0=self.settings.sigma,
             ranker="2imp",
-            bounds=bounds(context),
+            bounds=_bounds(context),
             batch_size=self.settings.batch_size,
             seed=seed,
         )
 
 
-@dataclass(frozen=True)
+@record
 class MapElitesSettings:
     """How MAP-Elites searches.
 
@@ -261,26 +203,22 @@ class MapElitesSettings:
         SettingsError: If a value is out of range; the message names the field.
     """
 
-    n_initial: int = 15
+    n_initial: Count = 15
     """Movements drawn uniformly before the first variation."""
-    batch_size: int = 1
+    batch_size: Count = 1
     """Movements between two updates of the archive."""
-    sigma: float = 0.5
+    sigma: Positive = 0.5
     """Standard deviation of a variation, in each PB unit; the square is 2 wide."""
-    n_cells: int = 6
+    n_cells: Count = 6
     """Cells of the archive along each of the two descriptors."""
-    largest_excursion: float = 1.5
+    largest_excursion: Positive = 1.5
     """Upper end of the archive along each descriptor [rad]; beyond it movements fall into the last cell."""
 
-    def __post_init__(self) -> None:
-        at_least(self, 1, "n_initial", "batch_size", "n_cells")
-        positive(self, "sigma", "largest_excursion")
 
-
-class MapElitesAgent(ArmArchiveSearch[MapElitesSettings]):
+class MapElitesAgent(ArmArchiveSearch):
     """MAP-Elites (Mouret and Clune 2015, arXiv:1504.04909) by pyribs' `GridArchive` and `GaussianEmitter`.
 
-    Movements are sorted by how far each arm moves (`descriptors.arm_excursions`).
+    Movements are sorted by how far each arm moves (`arm_excursions`).
 
     Raises:
         MissingDependencyError: If pyribs is not installed.
@@ -298,13 +236,13 @@ class MapElitesAgent(ArmArchiveSearch[MapElitesSettings]):
             archive,
             sigma=self.settings.sigma,
             initial_solutions=context.rng.uniform(space.low, space.high, (self.settings.n_initial, *space.shape)),
-            bounds=bounds(context),
+            bounds=_bounds(context),
             batch_size=self.settings.batch_size,
             seed=seed,
         )
 
 
-@dataclass(frozen=True)
+@record
 class NoveltySearchSettings:
     """How novelty search searches.
 
@@ -312,31 +250,24 @@ class NoveltySearchSettings:
         SettingsError: If a value is out of range; the message names the field.
     """
 
-    n_initial: int = 5
+    n_initial: Count = 5
     """Movements drawn uniformly before the first update."""
-    batch_size: int = 3
+    batch_size: Annotated[int, Field(ge=2)] = 3
     """Movements between two updates of distribution and archive."""
-    sigma: float = 0.8
+    sigma: Positive = 0.8
     """First standard deviation, in each PB unit, around a movement drawn from the archive; the square is 2 wide."""
-    n_neighbours: int = 3
+    n_neighbours: Count = 3
     """Novelty is the mean distance to so many movements of the archive."""
-    threshold: float = 0.5
+    threshold: NonNegative = 0.5
     """A movement joins the archive when it is at least so novel, in the unit of the descriptor [rad]."""
-    n_stretches: int = 5
+    n_stretches: Count = 5
     """The descriptor is the mean posture in so many equal stretches of the movement."""
-
-    def __post_init__(self) -> None:
-        at_least(self, 2, "batch_size")
-        at_least(self, 1, "n_initial", "n_neighbours", "n_stretches")
-        positive(self, "sigma")
-        if not self.threshold >= 0.0:
-            raise SettingsError(f"`threshold` should be at least 0, but is {self.threshold}")
 
 
 class NoveltySearchAgent(BatchSearch):
     """Novelty search (Lehman and Stanley 2011) by pyribs' `ProximityArchive` and `EvolutionStrategyEmitter`.
 
-    Movements are compared by their mean posture in a few stretches of time (`descriptors.mean_postures`). The reward
+    Movements are compared by their mean posture in a few stretches of time (`mean_postures`). The reward
     plays no part; that a movement is inappropriate does: it counts as none (a minimal criterion, as Lehman and
     Stanley proposed in 2010).
 
@@ -347,12 +278,12 @@ class NoveltySearchAgent(BatchSearch):
     name: ClassVar[str] = "novelty_search"
 
     def __init__(self, settings: NoveltySearchSettings | None = None):
-        require_ribs(self.name)
+        _require_ribs(self.name)
         self.settings = settings or NoveltySearchSettings()
 
     def prepare(self, context: Context, seed: int) -> None:
         """Begin with nothing: the first movements show how many joints the descriptor has."""
-        self._parts = load_ribs(self.name)
+        self._parts = _load_ribs(self.name)
         self._seeds = np.random.SeedSequence(seed).spawn(2)
         self._scheduler: Any = None
 
@@ -382,7 +313,7 @@ class NoveltySearchAgent(BatchSearch):
             x0=archive.sample_elites(1)["solution"][0],
             sigma0=self.settings.sigma,
             ranker="nov",
-            bounds=bounds(self.context),
+            bounds=_bounds(self.context),
             batch_size=self.settings.batch_size,
             seed=self._seeds[1],
         )

@@ -13,18 +13,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from creative_nao import storage
 from creative_nao.agents.algorithms import CELL_POLICY, CELL_SAC_POLICY, find_algorithm
-from creative_nao.agents.base import at_least
 from creative_nao.agents.settings import Hyperparameters, read_hyperparameters
 from creative_nao.agents.training import TrainingPlan, train_agent
 from creative_nao.errors import MissingDependencyError, SettingsError
+from creative_nao.schema import Count, Index, LongText, Text, record
+from creative_nao.storage import write_text
 
 _WIDTHS = (32, 64, 128)
 _CELL_WIDTHS = (8, 16, 24)
 
 
-@dataclass(frozen=True)
+@record
 class TuningPlan:
     """What is searched.
 
@@ -42,16 +42,13 @@ class TuningPlan:
         SettingsError: If a number is below 1.
     """
 
-    algorithm: str
-    env: str
-    n_trials: int = 20
-    n_timesteps: int = 20_000
-    seed: int = 0
+    algorithm: Text
+    env: LongText
+    n_trials: Count = 20
+    n_timesteps: Count = 20_000
+    seed: Index = 0
     conf_file: Path | None = None
-    n_judged_seeds: int = 3
-
-    def __post_init__(self) -> None:
-        at_least(self, 1, "n_trials", "n_timesteps", "n_judged_seeds")
+    n_judged_seeds: Count = 3
 
 
 @dataclass(frozen=True)
@@ -119,7 +116,7 @@ def tune(
     entry = suggest(optuna.trial.FixedTrial(best.params), start) if best.params else start
     whole = read_hyperparameters(known.name, plan.env, plan.conf_file).n_timesteps
     path = out / f"{known.name}.yml"
-    storage.write_text(path, _as_yaml(plan, entry.replace(n_timesteps=whole), study.best_value, finished()))
+    write_text(path, _as_yaml(plan, entry.replace(n_timesteps=whole), study.best_value, finished()))
     complete = study.get_trials(deepcopy=False, states=(done,))
     return TuningResult(path, len(complete), complete[0].value, study.best_value, dict(best.params))
 

@@ -6,7 +6,7 @@ import dataclasses
 
 import tyro
 
-from creative_nao.agents.adapters import PolicyAgent
+from creative_nao.agents.base import PolicyAgent
 from creative_nao.agents.bundle import TrainedPolicy, replay
 from creative_nao.agents.play import PlayedEpisode, Score, evaluate_agent
 from creative_nao.agents.registry import make_agent

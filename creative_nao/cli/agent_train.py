@@ -15,9 +15,9 @@ from creative_nao import storage
 from creative_nao.agents.algorithms import find_algorithm
 from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, machine, save_bundle
 from creative_nao.agents.play import Score, check_env, evaluate_policy
+from creative_nao.agents.resume import TrainingRecord
 from creative_nao.agents.settings import read_hyperparameters
 from creative_nao.agents.training import TrainingPlan, memories_of, train_agent
-from creative_nao.agents.training_state import TrainingRecord
 from creative_nao.cli.terminal import Display, changed_flags, print_result, stopped_by_signals
 from creative_nao.errors import SettingsError
 from creative_nao.runtime import record as provenance
@@ -92,7 +92,7 @@ def run(settings: TrainAgentSettings) -> int:
             checkpoint=checkpoint,
             resume=settings.resume,
             tensorboard=settings.out / "tensorboard" if settings.tensorboard else None,
-            logs=settings.out / "progress.csv",
+            logs=settings.out,
             progress=show,
             stop=stop,
         )
@@ -110,7 +110,6 @@ def run(settings: TrainAgentSettings) -> int:
     )
     header = dataclasses.replace(header, score=_score(TrainedPolicy(header, policy), settings, plan))
     bundle = save_bundle(settings.out / "agent.safetensors", header, policy)
-    record.write_csv(settings.out)
     figures = _figures(header, record, bundle)
     whole = {**provenance(settings=plan.as_json(), command=header.command), **figures}
     storage.write_text(settings.out / "run.json", json.dumps(whole, indent=2) + "\n")

@@ -16,7 +16,8 @@ from gymnasium.spaces import Box
 
 from creative_nao import storage
 from creative_nao.agents.bundle import BundleHeader, save_bundle
-from creative_nao.agents.ppo import settings_from, train_ppo
+from creative_nao.agents.settings import PPOSettings
+from creative_nao.agents.training import train_ppo
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import CreativeNaoError
@@ -27,7 +28,7 @@ from creative_nao.evaluation.statistics import seed_sequence
 from creative_nao.maps import PBMap, pb_map
 from creative_nao.measures import OUTCOMES, farthest_points
 from creative_nao.model import Memory, TrainingSettings, train_network
-from creative_nao.schema import dump
+from creative_nao.schema import dump, parse
 
 Report = Callable[[float], None]
 """Takes the share of the work that is done."""
@@ -93,7 +94,7 @@ def _memory_of(memory: dict[str, Any], folder: Path) -> str:
 def train_agent(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
     """Train an agent, write its bundle and return its training curve."""
     start = time.perf_counter()
-    settings = settings_from(spec["settings"])
+    settings = parse(PPOSettings, spec["settings"], "settings of PPO")
     seed = int(seed_sequence(spec["base_seed"], spec["seed"]).generate_state(1)[0] % 2**31)
     policy, curve = train_ppo(
         spec["env"],

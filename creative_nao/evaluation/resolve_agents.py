@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from creative_nao.agents.adapters import PolicyAgent
-from creative_nao.agents.base import Agent
+from creative_nao.agents.base import Agent, PolicyAgent
 from creative_nao.agents.bundle import load_bundle, shipped_agents
 from creative_nao.agents.registry import NAMES, TRAINED, UNTRAINED, is_entry_point, load_entry_point, make_agent
 from creative_nao.errors import NotFoundError, nearest_name

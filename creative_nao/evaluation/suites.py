@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from creative_nao.agents.ppo import PPOSettings, settings_from
+from creative_nao.agents.settings import PPOSettings
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
 from creative_nao.evaluation.resolve_agents import check_entrant
@@ -179,7 +179,14 @@ def suite_from_values(values: Mapping[str, Any], *, where: str) -> Suite:
     Raises:
         SettingsError: If a key is unknown, missing, of another type or out of range; the message names it.
     """
-    chosen: dict[str, Any] = {"n_seeds": 10, "n_actions": 30, "training_env": MENTAL, "memories": (), **values}
+    chosen: dict[str, Any] = {
+        "n_seeds": 10,
+        "n_actions": 30,
+        "training_env": MENTAL,
+        "memories": (),
+        "ppo": {},
+        **values,
+    }
     # What has another type is left as it is: `parse` then says so.
     if isinstance(costs := chosen.get("seconds_per_action"), Mapping):
         chosen["seconds_per_action"] = [*costs.items()]
@@ -192,10 +199,6 @@ def suite_from_values(values: Mapping[str, Any], *, where: str) -> Suite:
         named = [name for part in parts for name in part]
         taught = chosen["taught"].names if chosen.get("taught") is not None else ()
         chosen["memories"] = [*named, *(name for name in taught if name not in named)]
-    try:
-        chosen["ppo"] = settings_from(chosen.get("ppo", {}))
-    except SettingsError as error:
-        raise SettingsError(f"{where}: `ppo`: {error}") from error
     return parse(Suite, chosen, where, error=SettingsError)
 
 

@@ -10,9 +10,9 @@ from creative_nao.agents import BundleHeader, TrainedPolicy, load_agent, make_ag
 from creative_nao.agents.algorithms import ALGORITHMS, CELL_POLICY, CELL_SAC_POLICY
 from creative_nao.agents.bundle import replay
 from creative_nao.agents.play import evaluate_agent, evaluate_policy
+from creative_nao.agents.resume import KIND
 from creative_nao.agents.settings import AUGMENTATION, check_entry
 from creative_nao.agents.training import TrainingPlan, train_agent
-from creative_nao.agents.training_state import KIND
 from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 

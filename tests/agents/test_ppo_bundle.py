@@ -65,10 +65,10 @@ def test_timesteps_round_up_to_whole_rollouts():
     ("values", "text"),
     [
         ({"n_envs": 0}, "`n_envs` should be at least 1, but is 0"),
-        ({"gamma": 1.5}, "`gamma` should be between 0 and 1, but is 1.5"),
+        ({"gamma": 1.5}, "`gamma` should be at most 1, but is 1.5"),
         ({"learning_rate": 0.0}, "`learning_rate` should be above 0, but is 0.0"),
         ({"batch_size": 7}, "`batch_size` should divide n_envs"),
-        ({"hidden": ()}, "`hidden` should list at least one width"),
+        ({"hidden": ()}, "`hidden` should be a list of at least 1 entry"),
     ],
 )
 def test_a_setting_out_of_range_is_named(values, text):
@@ -131,13 +131,16 @@ FIRST = "mlp_extractor.policy_net.0.weight"
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        (lambda h: h.pop("settings"), "header part `settings` is missing"),
-        (lambda h: h["settings"].update(gamma=2.0), "header part `settings`: `gamma` should be between 0 and 1"),
-        (lambda h: h["settings"].update(gama=0.9), "header part `settings`: `gama` is no setting of PPO"),
-        (lambda h: h["settings"].update(hidden="wide"), "header part `settings`"),
-        (lambda h: h.update(format_version=99), "header part `format_version` should be 1, but is 99"),
-        (lambda h: h["observation_space"].update(low=[0.0]), "header part `observation_space`"),
-        (lambda h: h.update(seed="zero"), "header part `seed`: should be int, but is 'zero'"),
+        (lambda h: h.pop("settings"), "header: `settings` is missing"),
+        (lambda h: h["settings"].update(gamma=2.0), "header: `settings`: `gamma` should be at most 1"),
+        (lambda h: h["settings"].update(gama=0.9), r"header: `settings`: no key `gama` \(did you mean `gamma`\?\)"),
+        (lambda h: h["settings"].update(hidden="wide"), "header: `settings`: `hidden` should be a list"),
+        (lambda h: h.update(format_version=99), "header: `format_version` should be 1, .* but is 99"),
+        (
+            lambda h: h["observation_space"].update(low=[0.0]),
+            "header: `observation_space`: `low` and `high` should hold 4 numbers",
+        ),
+        (lambda h: h.update(seed="zero"), "header: `seed` should be a whole number, but is 'zero'"),
     ],
 )
 def test_a_damaged_header_names_the_part(bundle, change, text):

@@ -6,8 +6,8 @@ import json
 import pytest
 
 from creative_nao.agents.bundle import shipped_agents
-from creative_nao.agents.ppo import PPOSettings
 from creative_nao.agents.registry import UNTRAINED
+from creative_nao.agents.settings import PPOSettings
 from creative_nao.demonstrations import load_demonstrations, save_demonstrations
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan
@@ -82,7 +82,7 @@ def test_a_user_s_file_is_a_suite_named_after_it(write):
         (GOOD.replace("random", "randon"), NotFoundError, r"no agent `randon` \(did you mean `random`\?\)"),
         (GOOD.replace("Mental", "Metal"), NotFoundError, r"no environment .* \(did you mean `CreativeNao/BoxingM"),
         (GOOD.replace("half/0", "hlaf/0"), NotFoundError, r"no memory `hlaf/0` \(did you mean `half/0`\?\)"),
-        (GOOD + "[ppo]\nlearning_rat = 1", SettingsError, r"`learning_rat` is no setting of PPO"),
+        (GOOD + "[ppo]\nlearning_rat = 1", SettingsError, r"`ppo`: no key `learning_rat` \(did you mean"),
         (GOOD + "[taught]\nepochs = 1", SettingsError, r"`taught`: no key `epochs` \(did you mean `n_epochs`"),
         (GOOD + "[taught]\nseeds = []", SettingsError, r"`taught`: `seeds` should be a list of at least 1"),
         (GOOD + "[taught]\nn_epochs = 5", SettingsError, r"`taught`: `seeds` is missing"),

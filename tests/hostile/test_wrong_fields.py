@@ -227,7 +227,7 @@ SETTINGS = [
     ("toml", "seeds", "[taught]\nseeds = [1180591620717411303424]"),
     ("toml", "n_epochs", "[taught]\nseeds = [1]\nn_epochs = 1000000000000"),
     ("toml", "closed_loop_ratio", "[taught]\nseeds = [1]\nclosed_loop_ratio = nan"),
-    ("toml", "settings of PPO", "ppo = 'x'"),
+    ("toml", "ppo", "ppo = 'x'"),
     ("toml", "hidden", "[ppo]\nhidden = [1000000000]"),
     ("toml", "learning_rate", "[ppo]\nlearning_rate = inf"),
     ("toml", "n_envs", "[ppo]\nn_envs = 1000000000000"),

@@ -18,11 +18,12 @@ import numpy as np
 
 from creative_nao import exchange, load_agent
 from creative_nao.agents.bundle import BundleHeader, save_bundle
-from creative_nao.agents.ppo import PPOSettings, build_policy
-from creative_nao.agents.settings import check_entry, read_hyperparameters, resolve_policy_kwargs
-from creative_nao.agents.training import _rows
-from creative_nao.agents.training_state import TrainingRecord
-from creative_nao.agents.training_state import TrainingState as AgentState
+from creative_nao.agents.callbacks import read_log
+from creative_nao.agents.resume import TrainingRecord
+from creative_nao.agents.resume import TrainingState as AgentState
+from creative_nao.agents.resume import load_checkpoint as load_agent_checkpoint
+from creative_nao.agents.resume import save_checkpoint as save_agent_checkpoint
+from creative_nao.agents.settings import PPOSettings, check_entry, read_hyperparameters
 from creative_nao.cli.explore import choices
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.demonstrations.files import load_trajectory, save_trajectory
@@ -53,8 +54,8 @@ KINDS = (*TENSORS, *ARCHIVES, *TEXTS)
 READERS = {
     "creative_nao/agents/bundle.py": ("bundle", "zoo_bundle"),
     "creative_nao/agents/settings.py": ("yaml",),
-    "creative_nao/agents/training_state.py": ("agent_checkpoint",),
-    "creative_nao/agents/training.py": ("training_log",),
+    "creative_nao/agents/resume.py": ("agent_checkpoint",),
+    "creative_nao/agents/callbacks.py": ("training_log",),
     "creative_nao/cli/explore.py": ("episodes",),
     "creative_nao/demonstrations/files.py": ("csv", "taught"),
     "creative_nao/envs/physical_map.py": ("physical", "unfinished"),
@@ -93,7 +94,7 @@ OWN_FILES = {
 """Modules that open a file directly, and why no stranger's content gets in that way."""
 
 WRITERS = (
-    "creative_nao/agents/training.py",
+    "creative_nao/agents/callbacks.py",
     "creative_nao/evaluation/plots.py", "creative_nao/exchange/tables.py", "creative_nao/maps/map.py",
 )  # fmt: skip
 """Modules that open files to write them."""
@@ -155,7 +156,7 @@ def make_victims(folder: Path) -> dict[str, Victim]:
         "episodes": _text(
             folder / "episodes.csv", EPISODES, lambda path: choices(_in_place(path, "episodes.csv")), use=_finite
         ),
-        "training_log": _text(folder / "progress.csv", "n_decisions,loss\n64,0.5\n128,0.25\n", _rows),
+        "training_log": _text(folder / "progress.csv", "n_decisions,loss\n64,0.5\n128,0.25\n", read_log),
         **_run_folder(folder / "run"),
         **_jobs(folder / "work"),
         **_motions(folder),
@@ -216,23 +217,21 @@ def _bundle(path: Path) -> Victim:
     box = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
     settings = PPOSettings(n_timesteps=64, n_envs=1, n_steps=64, batch_size=32, hidden=(2,))
     header = BundleHeader("ppo", settings, ENV, "half/0", 0, 64, box, box)
-    return Victim(save_bundle(path, header, build_policy(box, box, settings)), load_agent, use=_act)
+    return Victim(save_bundle(path, header, header.make_policy()), load_agent, use=_act)
 
 
 def _zoo_bundle(path: Path) -> Victim:
-    from stable_baselines3.sac.policies import SACPolicy
-
     box = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
     settings = check_entry("sac", {"n_timesteps": 64, "policy_kwargs": {"net_arch": [3]}}, "settings")
     header = BundleHeader("sac", settings, ENV, "half/0", 0, 64, box, box)
-    policy = SACPolicy(box, box, lambda _: 0.0, **resolve_policy_kwargs(settings.policy_kwargs))
-    return Victim(save_bundle(path, header, policy), load_agent, use=_act)
+    return Victim(save_bundle(path, header, header.make_policy()), load_agent, use=_act)
 
 
 def _agent_checkpoint(path: Path) -> Victim:
     record = TrainingRecord([10, 20], [1.0, 2.0], [0, 20], [(0.5, 1.5), (1.0, 2.0)], {"w": np.zeros(2, np.float32)})
-    record.save(path, PLAN, AgentState({"num_timesteps": 20}, {"last_obs": np.zeros((1, 2), np.float32)}))
-    return Victim(path, lambda path: TrainingRecord.load(path, PLAN), use=lambda loaded: loaded[0].best_mean)
+    state = AgentState({"num_timesteps": 20}, {"last_obs": np.zeros((1, 2), np.float32)})
+    save_agent_checkpoint(path, PLAN, record, state)
+    return Victim(path, lambda path: load_agent_checkpoint(path, PLAN), use=lambda loaded: loaded[0].best_mean)
 
 
 def _chart() -> PBMap:

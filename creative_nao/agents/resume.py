@@ -1,16 +1,13 @@
-"""Everything that decides how a training goes on, as arrays and plain values: to write to a file and to go back to.
+"""Exact resume of a training: its state as arrays and plain values, and the checkpoint file that holds it.
 
 Weights, optimisers, replay buffer, the environments' exact state, and the generators of Python, NumPy, torch and the
-action space. A training put back into such a state continues with the same bits; nothing is pickled.
-
-Also here:
-- What a training has come to so far: episodes, evaluations, the best weights; with the state, a checkpoint file.
+action space. A training put back into such a state continues with the same bits; nothing is pickled. What is read of
+Stable-Baselines3 beyond its public interface is listed in `PRIVATE_NAMES`; a test tells when one of them is gone.
 """
 
 from __future__ import annotations
 
-import csv
-import io
+import dataclasses
 import random
 from collections import deque
 from dataclasses import dataclass, field
@@ -19,14 +16,18 @@ from typing import Any
 
 import numpy as np
 
-from creative_nao import storage
 from creative_nao.agents.algorithms import policy_name
-from creative_nao.arrays import load_tensors, save_tensors
+from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.envs.state import EnvState
-from creative_nao.errors import FileFormatError, SettingsError
-from creative_nao.fields import Fields, only_arrays
+from creative_nao.errors import FileFormatError, SettingsError, shown
+from creative_nao.schema import JsonObject, Version1, parse, record
 
+KIND = "agent checkpoint"
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
+PRIVATE_NAMES = (
+    *_COUNTERS, "_get_torch_save_params", "_last_obs", "_last_episode_starts", "_stats_window_size", "ep_info_buffer"
+)  # fmt: skip
+"""Attributes of Stable-Baselines3's models that are no part of its documented interface; `_last_lstm_states` too."""
 _NOISE_MATRICES = ("exploration_mat", "exploration_matrices")
 
 
@@ -44,7 +45,7 @@ class TrainingState:
 
 
 def capture(model: Any) -> TrainingState:
-    """Return the exact state of a model of Stable-Baselines3 and of its environments.
+    """Return the exact state of a model of Stable-Baselines3, of its environments and of what it has logged.
 
     Raises:
         SettingsError: If the environments cannot tell their state.
@@ -52,20 +53,26 @@ def capture(model: Any) -> TrainingState:
     values: dict[str, Any] = {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)}
     arrays: dict[str, np.ndarray] = {}
     values["parameters"] = _pack(model.get_parameters(), "parameters", arrays)
-    values["variables"] = {}
-    for name in model._get_torch_save_params()[1]:
-        arrays[f"variable.{name}"] = _copied(_variable(model, name))
+    for name, tensor in _variables(model).items():
+        arrays[f"variable.{name}"] = _copied(tensor)
     arrays["last_obs"] = model._last_obs.copy()
     arrays["last_episode_starts"] = np.array(model._last_episode_starts, dtype=bool)
     values["episodes"] = [[float(one["r"]), int(one["l"]), float(one["t"])] for one in model.ep_info_buffer]
     # Their mean is logged, and a mean of single precision has other bits.
     values["single_precision"] = any(getattr(one["r"], "dtype", None) == np.float32 for one in model.ep_info_buffer)
     if (states := getattr(model, "_last_lstm_states", None)) is not None:
-        for place, tensor in enumerate((*states.pi, *states.vf)):
-            arrays[f"lstm.{place}"] = _copied(tensor)
-    _capture_buffer(model, values, arrays)
+        arrays |= {f"lstm.{place}": _copied(tensor) for place, tensor in enumerate((*states.pi, *states.vf))}
+    if (buffer := getattr(model, "replay_buffer", None)) is not None:
+        values["buffer"] = {"pos": buffer.pos, "full": buffer.full}
+        arrays |= {f"buffer.{name}": array[: buffer.size()].copy() for name, array in _buffer_arrays(buffer).items()}
     _capture_random(model, values, arrays)
     _capture_envs(model, values, arrays)
+    # As text, since what is logged may be no number, which JSON does not know.
+    logger = model.logger
+    values["logged"] = {
+        name: [repr(value), logger.name_to_count.get(name, 0), list(logger.name_to_excluded.get(name, ()))]
+        for name, value in plain_numbers(logger.name_to_value).items()
+    }
     return TrainingState(values, arrays)
 
 
@@ -86,15 +93,15 @@ def restore(model: Any, state: TrainingState) -> None:
         part = "parameters"
         model.set_parameters(_unpack(values["parameters"], arrays), exact_match=True, device="cpu")
         part = "variables"
-        for name in model._get_torch_save_params()[1]:
-            _variable(model, name).data.copy_(torch.from_numpy(arrays[f"variable.{name}"]))
+        for name, tensor in _variables(model).items():
+            tensor.data.copy_(torch.from_numpy(arrays[f"variable.{name}"]))
         part = "episodes"
         starts = np.zeros(len(model._last_obs if model._last_obs is not None else arrays["last_obs"]), bool)
         model._last_obs = _like(arrays, "last_obs", model._last_obs)
         model._last_episode_starts = _like(arrays, "last_episode_starts", starts)
         number = np.float32 if values.get("single_precision") else float
-        told = [{"r": number(r), "l": int(length), "t": float(t)} for r, length, t in values["episodes"]]
-        model.ep_info_buffer = deque(told, maxlen=model._stats_window_size)
+        ended = [{"r": number(r), "l": int(length), "t": float(t)} for r, length, t in values["episodes"]]
+        model.ep_info_buffer = deque(ended, maxlen=model._stats_window_size)
         model.ep_success_buffer = deque(maxlen=model._stats_window_size)
         if (states := getattr(model, "_last_lstm_states", None)) is not None:
             tensors = [torch.from_numpy(arrays[f"lstm.{place}"].copy()) for place in range(4)]
@@ -131,6 +138,21 @@ def restore_random(model: Any, state: TrainingState) -> None:
             setattr(_distribution(model), name, torch.from_numpy(arrays[f"noise.{name}"].copy()))
 
 
+def restore_log(logger: Any, state: TrainingState) -> None:
+    """Log again what was logged since the last row of the log; the next row tells it."""
+    for name, (text, count, excluded) in state.values.get("logged", {}).items():
+        logger.name_to_value[name] = int(text) if text.lstrip("-").isdigit() else float(text)
+        logger.name_to_excluded[name] = tuple(excluded)
+        if count:
+            logger.name_to_count[name] = count
+
+
+def plain_numbers(logged: dict[str, Any]) -> dict[str, int | float]:
+    """Return the numbers among what was logged, as Python's own."""
+    plain = {name: value.item() if hasattr(value, "item") else value for name, value in logged.items()}
+    return {name: value for name, value in plain.items() if isinstance(value, int | float)}
+
+
 def _capture_random(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
     import torch
 
@@ -153,10 +175,13 @@ def _distribution(model: Any) -> Any:
     return getattr(model, "actor", model.policy).action_dist
 
 
-def _variable(model: Any, name: str) -> Any:
-    found = model
-    for piece in name.split("."):
-        found = getattr(found, piece)
+def _variables(model: Any) -> dict[str, Any]:
+    """Return the tensors that a model learns outside its networks, such as SAC's entropy coefficient."""
+    found = {}
+    for name in model._get_torch_save_params()[1]:
+        found[name] = model
+        for piece in name.split("."):
+            found[name] = getattr(found[name], piece)
     return found
 
 
@@ -168,95 +193,61 @@ def _buffer_arrays(buffer: Any) -> dict[str, np.ndarray]:
     }
 
 
-def _capture_buffer(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    buffer = getattr(model, "replay_buffer", None)
-    if buffer is None:
-        return
-    values["buffer"] = {"pos": buffer.pos, "full": buffer.full}
-    filled = buffer.size()
-    for name, array in _buffer_arrays(buffer).items():
-        arrays[f"buffer.{name}"] = array[:filled].copy()
-
-
 def _restore_buffer(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
     buffer = getattr(model, "replay_buffer", None)
     if buffer is None:
         return
     place, full = values["buffer"]["pos"], values["buffer"]["full"]
     if type(place) is not int or not 0 <= place < buffer.buffer_size or not isinstance(full, bool):
-        raise ValueError(f"place {place!r:.40} in a buffer of {buffer.buffer_size}")
+        raise ValueError(f"place {shown(place)} in a buffer of {buffer.buffer_size}")
     buffer.pos, buffer.full = place, full
     filled = buffer.size()
     for name, array in _buffer_arrays(buffer).items():
         array[:filled] = _like(arrays, f"buffer.{name}", array[:filled])
 
 
-def _envs(model: Any) -> Any:
-    """Return what tells and takes the exact state of all copies: the native vector environment."""
-    adapter = getattr(model.get_env(), "venv", None)
-    if _turned(model) is not None:
-        adapter = getattr(adapter, "venv", None)
-    inner = getattr(adapter, "venv", None)
-    if not hasattr(inner, "get_state"):
-        raise SettingsError(
-            f"{model.get_env()}: its environments have no `get_state`, so no checkpoint can be written; "
-            "train on one of this project's"
-        )
-    return inner
-
-
-def _turned(model: Any) -> Any:
-    """Return the wrapper that flips and swaps PB axes, or None."""
+def _layers(model: Any) -> tuple[Any, Any, Any]:
+    """Return the monitor, the wrapper that flips and swaps PB axes or None, and the native vector environment."""
     from creative_nao.agents.augmentation import FlippedSwappedAxes
 
-    wrapper = getattr(model.get_env(), "venv", None)
-    return wrapper if isinstance(wrapper, FlippedSwappedAxes) else None
+    monitor = model.get_env()
+    adapter = getattr(monitor, "venv", None)
+    turned = adapter if isinstance(adapter, FlippedSwappedAxes) else None
+    native = getattr(adapter if turned is None else turned.venv, "venv", None)
+    if not hasattr(native, "get_state"):
+        raise SettingsError(
+            f"{monitor}: its environments have no `get_state`, so no checkpoint can be written; "
+            "train on one of this project's"
+        )
+    return monitor, turned, native
 
 
 def _capture_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    states = _envs(model).get_state()
+    monitor, turned, native = _layers(model)
+    states = native.get_state()
     values["envs"] = [{"kind": one.kind, "values": one.values, "arrays": sorted(one.arrays)} for one in states]
     for place, one in enumerate(states):
-        for name, array in one.arrays.items():
-            arrays[f"env.{place}.{name}"] = np.array(array)
-    monitor = model.get_env()
-    arrays["monitor.returns"], arrays["monitor.lengths"] = (
-        monitor.episode_returns.copy(),
-        monitor.episode_lengths.copy(),
-    )
+        arrays |= {f"env.{place}.{name}": np.array(array) for name, array in one.arrays.items()}
+    arrays["monitor.returns"] = monitor.episode_returns.copy()
+    arrays["monitor.lengths"] = monitor.episode_lengths.copy()
     values["monitor"] = int(monitor.episode_count)
-    if (turned := _turned(model)) is not None:
+    if turned is not None:
         values["turned"], arrays["turned"] = turned.get_state()
 
 
 def _restore_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    states = [
-        EnvState(one["kind"], one["values"], {name: arrays[f"env.{place}.{name}"] for name in one["arrays"]})
-        for place, one in enumerate(values["envs"])
-    ]
-    _envs(model).set_state(states)
-    monitor = model.get_env()
+    monitor, turned, native = _layers(model)
+    native.set_state(
+        [
+            EnvState(one["kind"], one["values"], {name: arrays[f"env.{place}.{name}"] for name in one["arrays"]})
+            for place, one in enumerate(values["envs"])
+        ]
+    )
     monitor.episode_returns = _like(arrays, "monitor.returns", monitor.episode_returns)
     monitor.episode_lengths = _like(arrays, "monitor.lengths", monitor.episode_lengths)
     monitor.episode_count = _counted("monitor", values["monitor"])
-    if (turned := _turned(model)) is not None:
+    if turned is not None:
         turned.set_state(values["turned"], _like(arrays, "turned", turned.get_state()[1]))
-
-
-def check_weights(weights: dict[str, np.ndarray], policy: Any) -> None:
-    """Refuse weights that a policy cannot take.
-
-    Raises:
-        FileFormatError: Naming the first of them.
-    """
-    expected = {name: tuple(tensor.shape) for name, tensor in policy.state_dict().items()}
-    found = {name: array.shape for name, array in weights.items()}
-    for name in sorted(expected.keys() | found.keys()) if weights else ():
-        if expected.get(name) != found.get(name):
-            raise FileFormatError(
-                f"training state: its best weights `{name[:60]}` should have shape {expected.get(name)}, "
-                f"but have {found.get(name)}"
-            )
 
 
 def _like(arrays: dict[str, np.ndarray], name: str, example: np.ndarray | None) -> np.ndarray:
@@ -272,7 +263,7 @@ def _like(arrays: dict[str, np.ndarray], name: str, example: np.ndarray | None) 
 def _counted(name: str, value: Any) -> Any:
     share = name == "_current_progress_remaining"  # below 0 when the last rollout goes beyond the end
     if type(value) not in ((int, float) if share else (int,)) or not (-1e9 if share else 0) <= value <= 10**15:
-        raise ValueError(f"`{name}` should be a number of at least 0, but is {value!r:.40}")
+        raise ValueError(f"`{name}` should be a number of at least 0, but is {shown(value)}")
     return value
 
 
@@ -309,10 +300,6 @@ def _unpack(packed: dict[str, Any], arrays: dict[str, np.ndarray]) -> Any:
     return inside
 
 
-KIND = "agent checkpoint"
-FORMAT_VERSION = 1
-
-
 @dataclass
 class TrainingRecord:
     """The record of a training; it grows while the training runs.
@@ -345,93 +332,80 @@ class TrainingRecord:
         self.evaluation_ends.append(n_decisions)
         self.evaluations.append(rewards)
 
-    def save(self, path: Path, plan: dict[str, Any], state: TrainingState) -> None:
-        """Write record and state as a checkpoint."""
-        arrays = {f"state.{name}": array for name, array in state.arrays.items()}
-        arrays |= {f"best.{name}": array for name, array in self.best_weights.items()}
-        arrays |= {
-            "record.episode_ends": np.array(self.episode_ends, dtype=np.int64),
-            "record.episode_rewards": np.array(self.episode_rewards, dtype=np.float64),
-            "record.evaluation_ends": np.array(self.evaluation_ends, dtype=np.int64),
-            "record.evaluations": np.array(self.evaluations, dtype=np.float64),
-        }
-        header = {"format_version": FORMAT_VERSION, "plan": plan, "state": state.values}
-        save_tensors(path, kind=KIND, header=header, tensors=arrays)
 
-    @classmethod
-    def load(cls, path: Path, plan: dict[str, Any]) -> tuple[TrainingRecord, TrainingState]:
-        """Read a checkpoint of `save`.
+@record
+class _Header:
+    """Of a checkpoint."""
 
-        Raises:
-            FileFormatError: If it is damaged.
-            SettingsError: If it is of another plan; the message names the setting.
-        """
-        values, arrays = load_tensors(path, kind=KIND)
-        header = Fields(values, f"{path}: header")
-        header.version("format_version", FORMAT_VERSION)
-        found = header.object("plan").values
-        if isinstance(settings := found.get("hyperparameters"), dict) and isinstance(settings.get("policy"), str):
-            settings["policy"] = policy_name(settings["policy"])
-        if (name := _difference(found, plan)) is not None:
-            raise SettingsError(
-                f"{path} is of a training with another `{name}`; give the same settings to go on, or another --out"
+    format_version: Version1
+    plan: JsonObject
+    state: JsonObject
+
+
+_COLUMNS = {"episode_ends": np.int64, "episode_rewards": np.float64, "evaluation_ends": np.int64}
+
+
+def save_checkpoint(path: Path, plan: dict[str, Any], record: TrainingRecord, state: TrainingState) -> None:
+    """Write record and state of a training in one step."""
+    arrays = {f"state.{name}": array for name, array in state.arrays.items()}
+    arrays |= {f"best.{name}": array for name, array in record.best_weights.items()}
+    arrays |= {f"record.{name}": np.array(getattr(record, name), dtype) for name, dtype in _COLUMNS.items()}
+    arrays["record.evaluations"] = np.array(record.evaluations, np.float64)
+    header = {"format_version": 1, "plan": plan, "state": state.values}
+    save_tensors(path, kind=KIND, header=header, tensors=arrays)
+
+
+def load_checkpoint(path: Path, plan: dict[str, Any]) -> tuple[TrainingRecord, TrainingState]:
+    """Read a file of `save_checkpoint`.
+
+    Raises:
+        FileFormatError: If it is damaged.
+        SettingsError: If it is of another plan; the message names the setting.
+    """
+    values, arrays = load_tensors(path, kind=KIND)
+    header = parse(_Header, values, f"{path}: header")
+    if isinstance(settings := header.plan.get("hyperparameters"), dict):
+        settings["policy"] = policy_name(str(settings.get("policy")))
+    if (name := _difference(header.plan, plan)) is not None:
+        raise SettingsError(
+            f"{path} is of a training with another `{name}`; give the same settings to go on, or another --out"
+        )
+    for name, array in arrays.items():
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            raise FileFormatError(f"{path}: the array `{name[:60]}` should hold finite numbers, but does not")
+    ends, rewards, evaluation_ends = (
+        take(path, arrays, f"record.{name}", (None,), dtype, kinds="if") for name, dtype in _COLUMNS.items()
+    )
+    n_axes = 2 if len(evaluation_ends) else 1  # an empty list is written as an array of shape (0,)
+    evaluations = take(path, arrays, "record.evaluations", (None,) * n_axes, np.float64)
+    if len(ends) != len(rewards) or len(evaluation_ends) != len(evaluations):
+        lengths = {f"record.{name}": len(arrays[f"record.{name}"]) for name in (*_COLUMNS, "evaluations")}
+        raise FileFormatError(f"{path}: the arrays of the record have different lengths: {lengths}")
+    known = [f"record.{one.name}" for one in dataclasses.fields(TrainingRecord)]
+    only_arrays(path, [name for name in arrays if not name.startswith(("state.", "best."))], known)
+    state, best = (
+        {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
+        for prefix in ("state.", "best.")
+    )
+    rows = [tuple(row) for row in evaluations.tolist()] if len(evaluations) else []
+    told = TrainingRecord(ends.tolist(), rewards.tolist(), evaluation_ends.tolist(), rows, best)
+    return told, TrainingState(header.state, state)
+
+
+def check_weights(weights: dict[str, np.ndarray], policy: Any) -> None:
+    """Refuse weights that a policy cannot take.
+
+    Raises:
+        FileFormatError: Naming the first of them.
+    """
+    expected = {name: tuple(tensor.shape) for name, tensor in policy.state_dict().items()}
+    found = {name: array.shape for name, array in weights.items()}
+    for name in sorted(expected.keys() | found.keys()) if weights else ():
+        if expected.get(name) != found.get(name):
+            raise FileFormatError(
+                f"training state: its best weights `{name[:60]}` should have shape {expected.get(name)}, "
+                f"but have {found.get(name)}"
             )
-        for name, array in arrays.items():
-            if array.dtype.kind == "f" and not np.isfinite(array).all():
-                raise FileFormatError(f"{path}: part `{name[:60]}` of the checkpoint should be finite, but is not")
-        columns = [_column(path, arrays, name, dtype, n_axes) for name, (dtype, n_axes) in _COLUMNS.items()]
-        ends, rewards, judged_at, judged = columns
-        if len(ends) != len(rewards) or len(judged_at) != len(judged):
-            lengths = ", ".join(f"`{name}` {len(column)}" for name, column in zip(_COLUMNS, columns, strict=True))
-            raise FileFormatError(f"{path}: parts of the checkpoint have different lengths: {lengths}")
-        only_arrays(path, arrays, [*_COLUMNS, *(name for name in arrays if name.startswith(("state.", "best.")))])
-        rows = [tuple(row) for row in judged.tolist()] if judged.ndim == 2 else []
-        record = cls(ends.tolist(), rewards.tolist(), judged_at.tolist(), rows, _under("best.", arrays))
-        return record, TrainingState(header.object("state").values, _under("state.", arrays))
-
-    def write_csv(self, folder: Path) -> None:
-        """Write `episodes.csv` and `evaluations.csv` into a folder."""
-        rows = zip(self.episode_ends, self.episode_rewards, strict=True)
-        storage.write_text(folder / "episodes.csv", _csv(("n_decisions", "reward"), rows))
-        judged = (
-            (end, float(np.mean(rewards)), *rewards)
-            for end, rewards in zip(self.evaluation_ends, self.evaluations, strict=True)
-        )
-        n_episodes = len(self.evaluations[0]) if self.evaluations else 0
-        heads = ("n_decisions", "mean_reward", *(f"reward_{place}" for place in range(n_episodes)))
-        storage.write_text(folder / "evaluations.csv", _csv(heads, judged))
-
-
-_COLUMNS: dict[str, tuple[type[np.generic], int]] = {
-    "record.episode_ends": (np.int64, 1),
-    "record.episode_rewards": (np.float64, 1),
-    "record.evaluation_ends": (np.int64, 1),
-    "record.evaluations": (np.float64, 2),
-}
-
-
-def _column(path: Path, arrays: dict[str, np.ndarray], name: str, dtype: type[np.generic], n_axes: int) -> np.ndarray:
-    found = arrays.get(name)
-    if found is None:
-        raise FileFormatError(f"{path}: part `{name}` of the checkpoint is missing")
-    if found.dtype != dtype or (found.ndim != n_axes and found.shape != (0,)):
-        raise FileFormatError(
-            f"{path}: part `{name}` of the checkpoint should be {np.dtype(dtype)} with {n_axes} axes, "
-            f"but is {found.dtype} of shape {found.shape}"
-        )
-    return found
-
-
-def _csv(heads: tuple[str, ...], rows: Any) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(heads)
-    writer.writerows(rows)
-    return text.getvalue()
-
-
-def _under(prefix: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
 
 
 def _difference(one: dict[str, Any], other: dict[str, Any], prefix: str = "") -> str | None:
