@@ -104,30 +104,32 @@ def generate_batch(net, n_points, pb, code0, u, angles):
         u: Internal states at tick 0, (n_hidden, width); changed.
         angles: Where the joint angles go, (n_steps, n_joints, width); row 0 is not written.
     """
+    w_in, w_out, w_hidden, w_pb, b_out, b_hidden, starts, rate, references = net
     n_steps, _, width = angles.shape
-    n_codes, n_hidden, n_fast, n_layers = code0.size, net.rate.size, net.starts[1], net.starts.size - 1
+    n_codes, n_hidden, n_fast, n_layers = code0.size, rate.size, starts[1], starts.size - 1
     x, code, bias = np.zeros((n_codes, width), F), np.zeros((n_codes, width), F), np.zeros((n_codes, width), F)
     y, a = np.zeros((n_hidden, width), F), np.zeros((n_hidden, width), F)
     drive, bias_hidden = np.zeros((n_hidden, width), F), np.zeros((n_hidden, width), F)
-    for point in range(n_points):
-        for i in range(n_codes):
-            x[i, point], bias[i, point] = code0[i], net.b_out[i]
-        for i in range(n_hidden):
-            bias_hidden[i, point] = net.b_hidden[i]
+    for i in range(n_codes):
+        for point in range(n_points):
+            x[i, point], bias[i, point] = code0[i], b_out[i]
+    for i in range(n_hidden):
+        for point in range(n_points):
+            bias_hidden[i, point] = b_hidden[i]
     _update_states(u, np.zeros(n_hidden, F), n_points, u, y)  # at rate 0 the states stay as they are
     for t in range(1, n_steps):
         if t == 1 or pb.shape[0] > 1:
             n_pb = pb.shape[1]
-            _add_products(net.w_pb, 0, n_pb, pb[min(t, pb.shape[0] - 1)], 0, n_pb, bias_hidden, drive, 0, n_hidden)
-        _add_products(net.w_out, 0, n_fast, y, 0, n_fast, bias, code, 0, n_codes)
-        _add_products(net.w_in, 0, n_codes, x, 0, n_codes, drive, a, 0, n_fast)
+            _add_products(w_pb, 0, n_pb, pb[min(t, pb.shape[0] - 1)], 0, n_pb, bias_hidden, drive, 0, n_hidden)
+        _add_products(w_out, 0, n_fast, y, 0, n_fast, bias, code, 0, n_codes)
+        _add_products(w_in, 0, n_codes, x, 0, n_codes, drive, a, 0, n_fast)
         for layer in range(n_layers):  # reads the layer itself and its neighbours
-            low, high = net.starts[max(layer - 1, 0)], net.starts[min(layer + 2, n_layers)]
-            first, size = net.starts[layer], net.starts[layer + 1] - net.starts[layer]
+            low, high = starts[max(layer - 1, 0)], starts[min(layer + 2, n_layers)]
+            first, size = starts[layer], starts[layer + 1] - starts[layer]
             start = a if layer == 0 else drive  # P_F has added its input already
-            _add_products(net.w_hidden, first * n_hidden + low, n_hidden, y, low, high - low, start, a, first, size)
-        _decode(code, n_points, net.references, angles[t])
-        _update_states(a, net.rate, n_points, u, y)
+            _add_products(w_hidden, first * n_hidden + low, n_hidden, y, low, high - low, start, a, first, size)
+        _decode(code, n_points, references, angles[t])
+        _update_states(a, rate, n_points, u, y)
         x, code = code, x  # closed loop: the prediction is the next input
 
 
@@ -147,22 +149,24 @@ def _add_outgoing(weights, activations, first, last, out):
             out[i] += w[i] * s
 
 
-@compiled()
+@compiled(inline="always")
 def _tick(net, drive, x, u, y, code, total, angles):
     """Run one point for one tick.
 
     Args:
         net: `generation.Weights` with a row for each presynaptic unit.
         drive: Bias and PB input of each hidden unit.
-        x: Code that the network reads, (n_codes,); the predicted code replaces it.
+        x: Code that the network reads, (n_codes,).
         u, y: Internal states and activations, (n_hidden,); changed.
-        code, total: Working memory, (n_codes,) and (n_hidden,).
+        code: Where the predicted code goes, (n_codes,): what the network reads next.
+        total: Working memory, (n_hidden,).
         angles: Where the joint angles of the tick go, (n_joints,).
     """
-    n_codes, n_hidden, n_fast, n_layers = x.shape[0], net.rate.shape[0], net.starts[1], net.starts.shape[0] - 1
-    n_joints, n_units = net.references.shape
-    code[:] = net.b_out
-    _add_outgoing(net.w_out, y, 0, n_fast, code)
+    w_in, w_out, w_hidden, _, b_out, _, starts, rate, references = net
+    n_codes, n_hidden, n_fast, n_layers = x.shape[0], rate.shape[0], starts[1], starts.shape[0] - 1
+    n_joints, n_units = references.shape
+    code[:] = b_out
+    _add_outgoing(w_out, y, 0, n_fast, code)
     for j in range(n_joints):
         a = code[j * n_units : (j + 1) * n_units]
         top = a[0]
@@ -173,7 +177,7 @@ def _tick(net, drive, x, u, y, code, total, angles):
     for i in range(n_codes):
         code[i] = exp32(code[i])
     for j in range(n_joints):
-        a, reference = code[j * n_units : (j + 1) * n_units], net.references[j]
+        a, reference = code[j * n_units : (j + 1) * n_units], references[j]
         norm = F(0)
         for k in range(n_units):
             norm += a[k]
@@ -184,15 +188,14 @@ def _tick(net, drive, x, u, y, code, total, angles):
             angle += a[k] * reference[k]
         angles[j] = angle
     total[:] = drive
-    _add_outgoing(net.w_in, x, 0, n_codes, total[:n_fast])
+    _add_outgoing(w_in, x, 0, n_codes, total[:n_fast])
     for layer in range(n_layers):  # drives the layer itself and its neighbours
-        low, high = net.starts[max(layer - 1, 0)], net.starts[min(layer + 2, n_layers)]
-        _add_outgoing(net.w_hidden[:, low:high], y, net.starts[layer], net.starts[layer + 1], total[low:high])
+        low, high = starts[max(layer - 1, 0)], starts[min(layer + 2, n_layers)]
+        _add_outgoing(w_hidden[:, low:high], y, starts[layer], starts[layer + 1], total[low:high])
     for i in range(n_hidden):
-        u[i] = multiply_add(F(1) - net.rate[i], u[i], net.rate[i] * total[i])
+        u[i] = multiply_add(F(1) - rate[i], u[i], rate[i] * total[i])
     for i in range(n_hidden):
         y[i] = tanh32(u[i])
-    x[:] = code
 
 
 @compiled()
@@ -208,8 +211,11 @@ def advance(net, pb, first, codes, states, activities, angles):
     code = np.empty(codes.shape[1], F)
     drive, total = np.empty(net.rate.shape[0], F), np.empty(net.rate.shape[0], F)
     for point in range(angles.shape[0]):
+        x, u, y = codes[point].copy(), states[point], activities[point]
         for t in range(first, angles.shape[1]):
             if t == first or pb.shape[1] > 1:
                 drive[:] = net.b_hidden
                 _add_outgoing(net.w_pb, pb[point, min(t, pb.shape[1] - 1)], 0, pb.shape[2], drive)
-            _tick(net, drive, codes[point], states[point], activities[point], code, total, angles[point, t])
+            _tick(net, drive, x, u, y, code, total, angles[point, t])
+            x, code = code, x
+        codes[point, :] = x

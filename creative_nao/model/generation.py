@@ -127,7 +127,7 @@ class ClosedLoopGenerator:
             Joint angles [rad], shape (n, n_steps, n_joints), float64.
         """
         if len(pb) <= FEW_POINTS and slow_states is None:
-            return self.advance(self.begin(len(pb)), pb, n_steps)
+            return self._advance(self.begin(len(pb)), pb, n_steps)
 
         def generate(part: slice) -> np.ndarray:
             return self._batch(pb[part], n_steps, None if slow_states is None else slow_states[part])
@@ -191,7 +191,7 @@ class ClosedLoopGenerator:
     def begin(self, n: int) -> Rollout:
         """Return n movements of which nothing is generated yet."""
         states = np.zeros((2, n, self.n_hidden), np.float32)
-        return Rollout(0, np.repeat(self._initial_code[None], n, axis=0), *states)
+        return Rollout(0, self._initial_code[None].repeat(n, axis=0), states[0], states[1])
 
     def advance(self, rollout: Rollout, pb: np.ndarray, n_ticks: int) -> np.ndarray:
         """Generate the next ticks of movements; `rollout` then stands `n_ticks` later.
@@ -207,12 +207,15 @@ class ClosedLoopGenerator:
         Raises:
             ShapeError: If `pb` does not have that shape or leaves [-1, 1].
         """
-        from creative_nao.model.compiled_generation import advance
-
         n = len(rollout)
         if pb.shape not in ((n, self.n_pb), (n, n_ticks, self.n_pb)) or not (np.abs(pb) <= 1).all():
             raise ShapeError(f"`pb` should have shape ({n}, {self.n_pb}) and lie in [-1, 1], but is {pb!r:.80}")
-        angles = np.zeros((n, n_ticks, self._encoding.n_joints), np.float32)
+        return self._advance(rollout, pb, n_ticks)
+
+    def _advance(self, rollout: Rollout, pb: np.ndarray, n_ticks: int) -> np.ndarray:
+        from creative_nao.model.compiled_generation import advance
+
+        angles = np.zeros((len(rollout), n_ticks, self._encoding.n_joints), np.float32)
         points = (pb if pb.ndim == 3 else pb[:, None]).astype(np.float32)
         first = int(rollout.tick == 0)
         advance(self._by_presynaptic, points, first, rollout.code, rollout.state, rollout.activity, angles)
@@ -235,7 +238,7 @@ def real_array(value: Any, name: str) -> np.ndarray:
         array = np.array(None)
     if array.dtype.kind not in "fiu" or isinstance(value, np.ma.MaskedArray):
         raise ShapeError(f"`{name}` should be an array of real numbers, but is {shown(value)}")
-    return array.astype(np.float64)
+    return array.astype(np.float64, copy=False)
 
 
 def pb_points(value: ArrayLike, n_pb: int, name: str, least: int = 0) -> np.ndarray:
@@ -248,9 +251,9 @@ def pb_points(value: ArrayLike, n_pb: int, name: str, least: int = 0) -> np.ndar
     if points.ndim != 2 or points.shape[1] != n_pb or len(points) < least:
         expected = f"(n, {n_pb})" + (f" with n at least {least}" if least else "")
         raise ShapeError(f"`{name}` should have shape {expected}, but has {points.shape}")
-    inside = (np.abs(points) <= 1).all(axis=1)  # false for NaN
+    inside = np.abs(points) <= 1  # false for NaN
     if not inside.all():
-        row = int(np.argmin(inside))
+        row = int(np.argmin(inside.all(axis=1)))
         raise ShapeError(f"`{name}` should lie in [-1, 1], but row {row} is {points[row].tolist()}")
     return points
 

@@ -9,7 +9,7 @@ Also here:
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -42,46 +42,44 @@ TALLEST = 8 if N_LANES == 16 else 6
 """Most rows of a tile: with two registers a row they, a row of b and one number of a fill the registers."""
 
 
-def _tile(n_rows: int) -> Any:
-    """Return an intrinsic for `n_rows` rows of a panel: out[i, :] = start[i, :] + sum over k of a[i, k] b[k, :].
+@intrinsic
+def _multiply_tile(
+    typing_context, n_rows, a, a_first, a_row, a_inner, b, b_first, b_inner, n_inner, start, start_first, start_row,
+    out, out_first, out_row,
+):  # fmt: skip
+    """Compute out[i, :] = start[i, :] + sum over k of a[i, k] b[k, :] for 1 to `TALLEST` rows of a panel.
 
     Each matrix is an array, the index of its first element and its strides in elements; the columns of b, start and
-    out are consecutive.
+    out are consecutive. One loop is emitted for each number of rows.
     """
+    word, vector = ir.IntType(64), ir.VectorType(FLOAT, N_LANES)
 
-    @intrinsic
-    def multiply(
-        typing_context, a, a_first, a_row, a_inner, b, b_first, b_inner, n_inner, start, start_first, start_row,
-        out, out_first, out_row,
-    ):  # fmt: skip
-        def generate(context, builder, signature, arguments):
-            kinds = signature.args
-            word = ir.IntType(64)
-            vector = ir.VectorType(FLOAT, N_LANES)
+    def generate(context, builder, signature, arguments):
+        kinds = signature.args
+        n_rows, _, _, a_row, a_inner, _, _, b_inner, n_inner, _, _, start_row, _, _, out_row = (
+            context.cast(builder, argument, kind, types.intp) if isinstance(kind, types.Integer) else None
+            for argument, kind in zip(arguments, kinds, strict=True)
+        )
 
-            def whole(i):
-                return context.cast(builder, arguments[i], kinds[i], types.intp)
+        def times(stride, i):
+            return builder.mul(stride, ir.Constant(word, i))
 
-            def address(i, offset=None):
-                base = element_pointer(context, builder, kinds[i], arguments[i], kinds[i + 1], arguments[i + 1])
-                return base if offset is None else builder.gep(base, [offset])
+        def address(matrix, row_stride, i):
+            base = element_pointer(
+                context, builder, kinds[matrix], arguments[matrix], kinds[matrix + 1], arguments[matrix + 1]
+            )
+            return builder.gep(base, [times(row_stride, i)])
 
-            def vectors_at(pointer):
-                for half in range(2):
-                    place = builder.gep(pointer, [ir.Constant(word, half * N_LANES)])
-                    yield builder.bitcast(place, vector.as_pointer())
+        def registers(pointer):
+            for half in range(2):
+                place = builder.gep(pointer, [ir.Constant(word, half * N_LANES)])
+                yield builder.bitcast(place, vector.as_pointer())
 
-            def times(stride, i):
-                return builder.mul(stride, ir.Constant(word, i))
-
-            (a_row, a_inner), b_inner, n_inner = (whole(2), whole(3)), whole(6), whole(7)
-            start_row, out_row = whole(10), whole(13)
-            sums = [
-                builder.load(place, align=4)
-                for i in range(n_rows)
-                for place in vectors_at(address(8, times(start_row, i)))
-            ]
-            a_starts, b_start = [address(0, times(a_row, i)) for i in range(n_rows)], address(4)
+        def emit_rows(height):
+            """Emit the loop over the inner index, which keeps `height` rows of sums in registers."""
+            rows = range(height)
+            sums = [builder.load(r, align=4) for i in rows for r in registers(address(9, start_row, i))]
+            a_rows, b_start = [address(1, a_row, i) for i in rows], address(5, b_inner, 0)
             before = builder.block
             loop, after = builder.append_basic_block("inner"), builder.append_basic_block("after")
             builder.cbranch(builder.icmp_signed(">", n_inner, ir.Constant(word, 0)), loop, after)
@@ -93,11 +91,11 @@ def _tile(n_rows: int) -> Any:
             for phi, value in zip(running, sums, strict=True):
                 phi.add_incoming(value, before)
             b_row = builder.gep(b_start, [builder.mul(k, b_inner)])
-            b_vectors = [builder.load(place, align=4) for place in vectors_at(b_row)]
+            b_vectors = [builder.load(place, align=4) for place in registers(b_row)]
             a_at = builder.mul(k, a_inner)
             new = []
-            for i in range(n_rows):
-                factor = spread(builder, builder.load(builder.gep(a_starts[i], [a_at])), N_LANES)
+            for i in rows:
+                factor = spread(builder, builder.load(builder.gep(a_rows[i], [a_at])), N_LANES)
                 for half in range(2):
                     new.append(
                         call_llvm(builder, "llvm.fmuladd", vector, factor, b_vectors[half], running[2 * i + half])
@@ -109,24 +107,29 @@ def _tile(n_rows: int) -> Any:
             builder.cbranch(builder.icmp_signed("<", k_next, n_inner), loop, after)
 
             builder.position_at_end(after)
-            finished = [builder.phi(vector) for _ in sums]
-            for phi, none, value in zip(finished, sums, new, strict=True):
+            results = [builder.phi(vector) for _ in sums]
+            for phi, none, value in zip(results, sums, new, strict=True):
                 phi.add_incoming(none, before)
                 phi.add_incoming(value, loop)
-            for i in range(n_rows):
-                for half, place in enumerate(vectors_at(address(11, times(out_row, i)))):
-                    builder.store(finished[2 * i + half], place, align=4)
-            return context.get_dummy_value()
+            places = [place for i in rows for place in registers(address(12, out_row, i))]
+            for value, place in zip(results, places, strict=True):
+                builder.store(value, place, align=4)
 
-        return types.void(
-            a, a_first, a_row, a_inner, b, b_first, b_inner, n_inner, start, start_first, start_row,
-            out, out_first, out_row,
-        ), generate  # fmt: skip
+        end = builder.append_basic_block("end")
+        switch = builder.switch(n_rows, end)
+        for height in range(1, TALLEST + 1):
+            block = builder.append_basic_block(f"rows_{height}")
+            switch.add_case(ir.Constant(word, height), block)
+            builder.position_at_end(block)
+            emit_rows(height)
+            builder.branch(end)
+        builder.position_at_end(end)
+        return context.get_dummy_value()
 
-    return multiply
-
-
-_tile1, _tile2, _tile3, _tile4, _tile5, _tile6, _tile7, _tile8 = (_tile(n_rows) for n_rows in range(1, 9))
+    return types.void(
+        n_rows, a, a_first, a_row, a_inner, b, b_first, b_inner, n_inner, start, start_first, start_row,
+        out, out_first, out_row,
+    ), generate  # fmt: skip
 
 
 @compiled(inline="always")
@@ -135,31 +138,17 @@ def multiply_panel(
 ):
     """Compute out = start + a b for `PANEL` columns and any number of rows.
 
-    The matrices lie in flat arrays: `a_at` is the index of the first element of a, `a_row` and `a_inner` the distance
-    to the next one along its rows and along the inner index, and so on. `start` may be `out`.
+    The matrices lie in contiguous arrays: `a_at` is the index of the first element of a, `a_row` and `a_inner` the
+    distance to the next one along its rows and along the inner index, and so on. `start` may be `out`.
     """
     n_tiles = (n_rows + TALLEST - 1) // TALLEST
     done = 0
     for tile in range(n_tiles):  # heights differ by one at most
         end = n_rows * (tile + 1) // n_tiles
-        height = end - done
-        x, s, o = a_at + done * a_row, start_at + done * start_row, out_at + done * out_row
-        if height == 6:
-            _tile6(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
-        elif height == 8:
-            _tile8(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
-        elif height == 7:
-            _tile7(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
-        elif height == 5:
-            _tile5(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
-        elif height == 4:
-            _tile4(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
-        elif height == 3:
-            _tile3(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
-        elif height == 2:
-            _tile2(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
-        else:
-            _tile1(a, x, a_row, a_inner, b, b_at, b_inner, n_inner, start, s, start_row, out, o, out_row)
+        _multiply_tile(
+            end - done, a, a_at + done * a_row, a_row, a_inner, b, b_at, b_inner, n_inner,
+            start, start_at + done * start_row, start_row, out, out_at + done * out_row, out_row,
+        )  # fmt: skip
         done = end
 
 
