@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from creative_nao.robot import rendering  # first: it chooses how MuJoCo draws before MuJoCo is imported
+import creative_nao.robot  # noqa: F401 - it chooses how MuJoCo draws, which must come before MuJoCo
 
 # isort: split
 import mujoco
@@ -41,7 +41,7 @@ TIME_LIMIT_S = 7.5
 
 _SETTLE_S = 2.0
 
-__all__ = ["CONTROL_STEP_S", "TIME_LIMIT_S", "Bag", "BoxingTask", "Nao", "Ring", "load", "rendering"]
+__all__ = ["CONTROL_STEP_S", "TIME_LIMIT_S", "Bag", "BoxingTask", "Nao", "Ring", "load"]
 
 
 class Ring(composer.Arena):

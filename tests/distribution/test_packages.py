@@ -30,6 +30,8 @@ ASSETS = {
     "suites": (5, "creative_nao/evaluation/suites/*.toml"),
     "claims of the paper": (1, "creative_nao/evaluation/paper/claims.toml"),
     "page templates": (4, "creative_nao/evaluation/templates/*.jinja"),
+    "models of robot, bag, ring and scene": (4, "creative_nao/robot/*.xml"),
+    "sources of the robot's figures": (1, "creative_nao/robot/nao_sources.csv"),
     "explorer files": (6, "creative_nao/explorer/static/*"),
     "mark of typed packages": (1, "creative_nao/py.typed"),
 }
