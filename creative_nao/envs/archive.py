@@ -42,7 +42,7 @@ def _compare_kernel(env_ids, trajectories, known, n_steps, sizes, out):
     """Fill `out` (m, lanes) with the distances of movement k to everything that robot `env_ids[k]` knows.
 
     trajectories: (m, T, n_joints); known: (n_envs, T, joints in eights, lanes); n_steps: (n_envs, lanes) length of
-    each known movement; sizes: (n_envs,) how many there are. Lanes beyond the size are meaningless.
+    each known movement; sizes: (n_envs,) how many there are. Distances beyond that are infinite.
     """
     m, n_ticks, n_joints = trajectories.shape
     joints, lanes = known.shape[2], known.shape[3]
@@ -53,6 +53,7 @@ def _compare_kernel(env_ids, trajectories, known, n_steps, sizes, out):
         width = (sizes[env_id] + LANES - 1) // LANES * LANES
         y[:, :n_joints] = trajectories[k]
         _distances_to(known[env_id], width, n_steps[env_id], y, rows, squares, out[k])
+        out[k, sizes[env_id] :] = np.inf
 
 
 @compiled()
@@ -125,9 +126,8 @@ class RepertoireArchive:
         Returns:
             Shape (m, lanes) [rad]: basic actions first, then accepted movements; infinite beyond what is known.
         """
-        out = np.full((len(env_ids), self._known.shape[3]), np.inf)
+        out = np.empty((len(env_ids), self._known.shape[3]))
         _compare_kernel(env_ids, trajectories, self._known, self._n_steps, self.sizes, out)
-        out[np.arange(out.shape[1]) >= self.sizes[env_ids, None]] = np.inf
         return out
 
     def accept(

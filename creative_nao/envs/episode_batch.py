@@ -209,19 +209,21 @@ class EpisodeBatch:
         return StepResult(reward, terms, finished, finished_terms)
 
     def _whole_movements(self, env_ids: np.ndarray, pb: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        if self.memories.names:  # environments of one memory go to the same thread, where they are generated together
-            order = np.argsort([id(self.specs[env_id]) for env_id in env_ids], kind="stable")
-        else:
-            order = np.arange(len(env_ids))
-        if self.executor.in_physics or self.recorder.active:
-            (generated,) = self.threads.map_rows(lambda rows: (self._generate(env_ids[rows], pb[rows]),), order)
-            return self._execute_and_score(env_ids, pb[:, None], generated)
+        def by_memory() -> np.ndarray:  # the movements of one memory are generated together, so by one thread
+            return np.argsort([id(self.specs[env_id]) for env_id in env_ids], kind="stable")
 
-        def generate_and_compare(rows: np.ndarray) -> tuple[np.ndarray, ...]:
+        def generate(rows: Any) -> tuple[np.ndarray]:
+            return (self._generate(env_ids[rows], pb[rows]),)
+
+        def generate_and_compare(rows: Any) -> tuple[np.ndarray, ...]:
             generated = self._generate(env_ids[rows], pb[rows])
             return generated, *self._compare(env_ids[rows], generated, generated)
 
-        generated, *distances = self.threads.map_rows(generate_and_compare, order)
+        order = by_memory if self.memories.names else None
+        if self.executor.in_physics or self.recorder.active:
+            (generated,) = self.threads.map_rows(generate, len(env_ids), order)
+            return self._execute_and_score(env_ids, pb[:, None], generated)
+        generated, *distances = self.threads.map_rows(generate_and_compare, len(env_ids), order)
         return self._score(env_ids, pb[:, None], generated, Distances(*distances))
 
     def _generate(self, env_ids: np.ndarray, pb: np.ndarray) -> np.ndarray:
@@ -268,7 +270,7 @@ class EpisodeBatch:
         executions = self.executor.execute(env_ids, generated, dt_s, self.recorder.active)
         trajectories = generated if executions is None else np.stack([one.trajectory for one in executions])
         distances = self.threads.map_rows(
-            lambda rows: self._compare(env_ids[rows], generated[rows], trajectories[rows]), np.arange(len(env_ids))
+            lambda rows: self._compare(env_ids[rows], generated[rows], trajectories[rows]), len(env_ids)
         )
         reward, terms = self._score(env_ids, pb, trajectories, Distances(*distances), executions)
         if executions is not None:

@@ -96,30 +96,37 @@ class ThreadPool:
         return list(self._threads.map(function, items))
 
     def map_rows(
-        self, function: Callable[[np.ndarray], tuple[np.ndarray, ...]], rows: np.ndarray
+        self,
+        function: Callable[[Any], tuple[np.ndarray, ...]],
+        n_rows: int,
+        order: Callable[[], np.ndarray] | None = None,
     ) -> tuple[np.ndarray, ...]:
         """Apply a function of arrays to all rows of a batch, an even piece of them a thread.
 
         The calling thread takes the first piece, which saves waking another.
 
         Args:
-            function: Called with some of the rows; returns arrays over them.
-            rows: Numbers from 0 to m - 1, each once, in the order in which they are dealt out, shape (m,).
+            function: Called with an index of some rows; returns arrays over them.
+            n_rows: How many rows there are.
+            order: Returns the rows in the order in which they are cut into pieces, if that matters.
 
         Returns:
-            The arrays over all rows, (m, ...), row k at place k.
+            The arrays over all rows, (n_rows, ...).
         """
-        n_pieces = max(1, min(self.n_threads, len(rows) // MIN_ROWS))
-        pieces = np.array_split(rows, n_pieces) if n_pieces > 1 else [rows]
-        started = [self._threads.submit(function, piece) for piece in pieces[1:]]
+        n_pieces = min(self.n_threads, n_rows // MIN_ROWS)
+        if n_pieces < 2:
+            return function(slice(None))
+        rows = np.arange(n_rows) if order is None else order()
+        first, *others = np.array_split(rows, n_pieces)
+        started = [self._threads.submit(function, piece) for piece in others]
         try:
-            results = [function(pieces[0])]
+            results = [function(first)]
         finally:
             wait(started)  # also after an error: no thread may still work when the caller goes on
         results += [future.result() for future in started]
-        whole = results[0] if n_pieces == 1 else tuple(map(np.concatenate, zip(*results, strict=True)))
-        if (rows[1:] > rows[:-1]).all():
-            return whole
+        whole = map(np.concatenate, zip(*results, strict=True))
+        if order is None:
+            return tuple(whole)
         back = np.argsort(rows)
         return tuple(array[back] for array in whole)
 

@@ -9,10 +9,12 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from creative_nao.errors import SettingsError
+from creative_nao.measures._dtw_kernels import compiled
 from creative_nao.measures.outcome import ALL_OUTCOMES, APPROPRIATE
 
 N_CELLS = 8
 """The PB space is divided into N_CELLS x N_CELLS cells."""
+N_APPROPRIATE = len(APPROPRIATE)
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,29 @@ def cells_of(space: Box, n_pb: int) -> slice:
     return found
 
 
+@compiled()
+def _record_kernel(vectors, starts, env_ids, pb, outcome, nearest, novelty, known, reward):
+    """Write one action each into the vectors (n_envs, size); `starts` are those of six parts, in this order."""
+    at_outcome, at_novelty, at_nearest, at_known, at_cells, at_coverage = starts
+    n_cells = at_coverage - at_cells
+    for k in range(len(env_ids)):
+        vector = vectors[env_ids[k]]
+        vector[: pb.shape[2]] = pb[k, -1]
+        vector[at_outcome:at_known] = 0.0
+        vector[at_outcome + outcome[k]] = 1.0
+        vector[at_novelty] = novelty[k] / (novelty[k] + 1.0)
+        vector[at_nearest + nearest[k]] = 1.0
+        vector[at_known] = known[k] / (known[k] + 1.0)
+        value = max(reward[k] / (reward[k] + 1.0), 0.1) if outcome[k] < N_APPROPRIATE else -1.0
+        for point in pb[k]:
+            cell, stride = at_cells, 1
+            for unit in range(pb.shape[2]):
+                cell += int(min((point[unit] + 1.0) / 2.0 * N_CELLS, N_CELLS - 1)) * stride
+                stride *= N_CELLS
+            vector[cell] = max(vector[cell], value) if vector[cell] != 0.0 else value
+        vector[at_coverage] = np.count_nonzero(vector[at_cells:at_coverage]) / n_cells
+
+
 class ObservationBatch:
     """The observation vectors of one or many episodes, one row each.
 
@@ -107,8 +132,9 @@ class ObservationBatch:
 
     def __init__(self, parts: tuple[ObservationPart, ...], n_envs: int = 1) -> None:
         self._at = {part.name: slice(part.start, part.stop) for part in parts}
-        self._n_pb = self._at["pb"].stop
-        self._n_cells = self._at["cells"].stop - self._at["cells"].start
+        self._starts = tuple(
+            self._at[name].start for name in ("outcome", "novelty", "nearest", "known", "cells", "coverage")
+        )
         self._vectors = np.zeros((n_envs, parts[-1].stop), np.float32)
 
     def clear(self, env_ids: Any = slice(None)) -> None:
@@ -141,21 +167,7 @@ class ObservationBatch:
             known: Distance to everything known before, in the same unit, shape (m,).
             reward: Reward of the action, shape (m,).
         """
-        vectors, at = self._vectors, self._at
-        vectors[env_ids, at["pb"]] = pb[:, -1]
-        vectors[env_ids, at["outcome"].start : at["nearest"].stop] = 0.0
-        vectors[env_ids, at["outcome"].start + outcome] = 1.0
-        vectors[env_ids, at["novelty"].start] = novelty / (novelty + 1.0)
-        vectors[env_ids, at["nearest"].start + nearest] = 1.0
-        vectors[env_ids, at["known"].start] = known / (known + 1.0)
-        value = np.where(outcome < len(APPROPRIATE), np.maximum(reward / (reward + 1.0), 0.1), -1.0)
-        column = np.minimum((pb + 1.0) / 2.0 * N_CELLS, N_CELLS - 1).astype(np.int64)
-        cells = at["cells"].start + column @ N_CELLS ** np.arange(self._n_pb)
-        for cell in cells.T:
-            before = vectors[env_ids, cell]
-            vectors[env_ids, cell] = np.where(before != 0.0, np.maximum(before, value), value)
-        tried = np.count_nonzero(vectors[env_ids, at["cells"]], axis=1)
-        vectors[env_ids, at["coverage"].start] = tried / self._n_cells
+        _record_kernel(self._vectors, self._starts, env_ids, pb, outcome, nearest, novelty, known, reward)
 
     def vectors(self) -> np.ndarray:
         """Return a copy of all observations, (n_envs, size)."""

@@ -120,7 +120,11 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         batch = self._batch
         result = batch.step(_ENV_IDS, checked_pb(action, self.action_space.shape)[None])
         truncated = int(batch.n_done[0]) >= self.n_actions
-        info = {name: _plain(values[0]) for name, values in (result.terms | result.finished_terms).items()}
+        info: dict[str, Any] = {}
+        for terms in (result.terms, result.finished_terms):
+            for name, values in terms.items():
+                value = values[0]
+                info[name] = value.item() if isinstance(value, np.generic) else value
         if truncated and len(result.finished):
             info["episode_measures"] = batch.measures(0)
         if self.render_mode == "human":
@@ -162,10 +166,6 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         self._np_random = generator_from(state.values["random"])
 
 
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value
-
-
 def checked_pb(action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
     """Return PB vectors as float64, clipped to [-1, 1].
 
@@ -179,4 +179,4 @@ def checked_pb(action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
     if pb.shape != shape or not np.isfinite(pb).all():
         what = "a finite PB vector" if len(shape or ()) == 1 else "finite PB vectors"
         raise ShapeError(f"`action` should be {what} of shape {shape}, but is {action!r:.200}")
-    return np.clip(pb, -1.0, 1.0)
+    return np.minimum(np.maximum(pb, -1.0), 1.0)
