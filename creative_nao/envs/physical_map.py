@@ -25,7 +25,7 @@ from creative_nao.envs.executors import PhysicsPool, SharedScene, ThreadPool, ph
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.joints import JOINTS
 from creative_nao.maps import PAPER_RESOLUTION, PBMap, pb_grid
-from creative_nao.maps.map import MAX_DISTANCE, MAX_RESOLUTION
+from creative_nao.maps.map import MAX_DISTANCE, MAX_RESOLUTION, Provenance, Resolution
 from creative_nao.measures import Criteria, dtw_matrix, score
 from creative_nao.measures.outcome import (
     ALL_OUTCOMES,
@@ -44,7 +44,6 @@ from creative_nao.schema import (
     AfterValidator,
     Field,
     Index,
-    JsonObject,
     Names,
     NonNegative,
     Text,
@@ -80,26 +79,20 @@ def _known_outcomes(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
-def _with_settings(values: dict[str, Any]) -> dict[str, Any]:
-    if not isinstance(values.get("settings", {}), dict):
-        raise ValueError("an object whose `settings` are an object")
-    return values
-
-
 @record
 class PhysicalMapHeader:
     """What the file of a physical map says beside its arrays."""
 
     kind: Text
     format_version: Version1
-    resolution: Annotated[int, Field(ge=2, le=MAX_RESOLUTION)]
+    resolution: Resolution
     n_done: Index
     names: Names
     outcomes: Annotated[tuple[Text, ...], Field(max_length=100), AfterValidator(_known_outcomes)]
     """What the numbers in the arrays of outcomes mean."""
     wall_s: NonNegative
     cpu_s: NonNegative
-    record: Annotated[JsonObject, AfterValidator(_with_settings)]
+    record: Provenance
 
     def __post_init__(self) -> None:
         """Refuse more points than the map has."""
@@ -138,7 +131,7 @@ class PhysicalMap(PBMap):
         n_mental = int(self.mentally_appropriate.sum())
         refused = self.fault[self.mentally_appropriate]
         return {
-            "memory": self.record.get("settings", {}).get("memory", ""),
+            "memory": self.memory_name,
             "resolution": self.resolution,
             "n_performed": self.n_done,
             "mentally_appropriate_pct": 100.0 * float(self.mentally_appropriate.mean()),
@@ -238,8 +231,7 @@ class PhysicalMap(PBMap):
 
     def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
         """Draw the map in the manner of the mental one; the options are those of `PBMap.plot`."""
-        memory = self.record.get("settings", {}).get("memory", "")
-        title = f"Memory {memory} on the robot: {100 * self.appropriate.mean():.1f} % is appropriate"
+        title = f"Memory {self.memory_name} on the robot: {100 * self.appropriate.mean():.1f} % is appropriate"
         return super().plot(path, **{"title": title, **options})
 
 
