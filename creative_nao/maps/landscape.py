@@ -162,7 +162,7 @@ def _ruggedness(pb_map: GridMap, memory: Memory | None) -> Ruggedness | None:
             return None
         if not np.array_equal(memory.pb, pb_map.learned_pb):
             raise SettingsError(
-                f"`memory` should be the one of the map, {pb_map.record.get('settings', {}).get('memory', '')}, but "
+                f"`memory` should be the one of the map, {pb_map.memory_name}, but "
                 f"{memory.name} learned its basic actions at other PB values"
             )
         trajectories = memory.generate(pb_map.pb)

@@ -100,10 +100,10 @@ class PBMap(GridMap):
         }
         if Path(path).suffix != ".npz":
             return save_tensors(path, kind=KIND, header=header, tensors=arrays)
-        told = np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8)
+        header_bytes = np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8)
         # In memory first: on a full disk, an archive that is being written complains once more when it is dropped.
         content = io.BytesIO()
-        np.savez_compressed(content, **arrays, header=told)  # plain numbers only: nothing is pickled
+        np.savez_compressed(content, **arrays, header=header_bytes)  # plain numbers only: nothing is pickled
         return write_bytes(path, content.getvalue())
 
     @classmethod
@@ -152,7 +152,7 @@ def pb_map(memory: Memory, resolution: int = PAPER_RESOLUTION, criteria: Criteri
         SettingsError: If the memory does not have two PB units or `resolution` is below 2.
     """
     if (n_pb := _pb_units(memory)) != 2:
-        hint = "; `pb_slice` charts two of them" if n_pb > 2 else ""
+        hint = "; `pb_slice` maps two of them" if n_pb > 2 else ""
         raise SettingsError(f"a PB map needs a memory with n_pb = 2, but this one has {n_pb}{hint}")
     resolution = checked(Resolution, resolution, "resolution")
     settings = {"memory": memory.name, "resolution": resolution}

@@ -86,8 +86,8 @@ class GridMap:
     def __repr__(self) -> str:
         name = f" of memory {self.memory_name}" if self.memory_name else ""
         shares = {outcome: self.share_pct(outcome) for outcome in ALL_OUTCOMES}
-        told = ", ".join(f"{share:.1f} % {outcome}" for outcome, share in shares.items() if share)
-        return f"{type(self).__name__}{name}: {self.resolution} x {self.resolution} points; {told}"
+        parts = ", ".join(f"{share:.1f} % {outcome}" for outcome, share in shares.items() if share)
+        return f"{type(self).__name__}{name}: {self.resolution} x {self.resolution} points; {parts}"
 
     def _repr_png_(self) -> bytes:
         """Return the picture that a notebook shows."""
@@ -145,10 +145,10 @@ def _trajectories(pb_map: GridMap) -> np.ndarray:
 
 
 COLOURINGS: dict[str, Colouring] = {
-    "novelty": Colouring("novelty: DTW distance to the nearest basic action [rad]", False, lambda one: one.distance),
+    "novelty": Colouring("novelty: DTW distance to the nearest basic action [rad]", False, lambda grid: grid.distance),
     "unexpectedness": Colouring("unexpectedness among the usable movements of the map [bit]", False, _unexpectedness),
     "speed": Colouring("largest speed of a joint [rad/s]", True, _speeds),
-    "excursion": Colouring("way of the most moving joint [rad]", True, lambda one: excursions(_trajectories(one))),
+    "excursion": Colouring("way of the most moving joint [rad]", True, lambda grid: excursions(_trajectories(grid))),
     "ruggedness": Colouring("mean DTW distance to the neighbouring movements [rad]", True, neighbour_distances),
 }
 """Every colouring that is a number, by name."""
@@ -181,13 +181,13 @@ def colour_values(pb_map: GridMap, colour: str | ArrayLike) -> tuple[np.ndarray,
     if isinstance(colour, str):
         if check_colour(colour) == NEAREST:
             raise SettingsError(f"`{NEAREST}` is no number; those that are: {', '.join(COLOURINGS)}.")
-        one = COLOURINGS[colour]
-        if one.needs_trajectories and pb_map.trajectories is None:
+        colouring = COLOURINGS[colour]
+        if colouring.needs_trajectories and pb_map.trajectories is None:
             raise SettingsError(
                 f"colouring by {colour} needs the movements, which this map does not hold; "
                 "make it again with `pb_map(memory)`."
             )
-        return one.values(pb_map), one.label
+        return colouring.values(pb_map), colouring.label
     values = as_numbers(colour, "colour")
     if values.shape != (len(pb_map.pb),) or not np.isfinite(values).all():
         raise ShapeError(

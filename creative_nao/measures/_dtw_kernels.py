@@ -250,9 +250,8 @@ def _gather(values, places, width, out):
 def _batch_of_pairs(values, first, second, out):
     n = first.shape[0]
     width = (n + STEP - 1) // STEP * STEP
-    joints = (values.shape[2] + BLOCK - 1) // BLOCK * BLOCK
-    x = np.zeros((values.shape[1], joints, width), out.dtype)
-    y = np.zeros((values.shape[1], joints, width), out.dtype)
+    x = np.empty((values.shape[1], values.shape[2], width), out.dtype)
+    y = np.empty((values.shape[1], values.shape[2], width), out.dtype)
     _gather(values, first, width, x)
     _gather(values, second, width, y)
     rows, squares = np.empty((2, values.shape[1] + 1, width), out.dtype), np.empty(width, out.dtype)
@@ -262,7 +261,7 @@ def _batch_of_pairs(values, first, second, out):
 
 @compiled()
 def fill_pairs(values, first, second, out):
-    """Fill `out` (n,) with the distances of values[first] to values[second]; values: (N, ticks, joints)."""
+    """Fill `out` (n,) with the distances of values[first] to values[second]; values: (N, ticks, joints in eights)."""
     for start in range(0, first.shape[0], PAIRS):
         stop = min(start + PAIRS, first.shape[0])
         _batch_of_pairs(values, first[start:stop], second[start:stop], out[start:stop])

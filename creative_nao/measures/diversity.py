@@ -5,13 +5,19 @@ Novelty and diversity are means over random samples of the appropriate actions, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from creative_nao.errors import SettingsError, ShapeError, shown
-from creative_nao.measures.dtw import Trajectories, as_numbers, at_least_two, dtw_matrix, refuse_where
+from creative_nao.measures.dtw import (
+    Trajectories,
+    as_numbers,
+    at_least_two,
+    count_trajectories,
+    dtw_matrix,
+    refuse_where,
+)
 from creative_nao.measures.outcome import (
     PAPER_CRITERIA,
     BasicActions,
@@ -111,9 +117,7 @@ def allowed_actions(
     """
     if appropriate is None and demos is not None:
         return is_appropriate(trajectories, demos, criteria)
-    if not isinstance(trajectories, Sequence | np.ndarray):
-        raise ShapeError(f"`trajectories` should be a list of arrays or one array, but is {shown(trajectories)}.")
-    n = len(trajectories)
+    n = count_trajectories(trajectories)
     mask = np.ones(n, dtype=bool) if appropriate is None else np.asarray(appropriate)
     if mask.shape != (n,) or mask.dtype != bool:
         raise ShapeError(

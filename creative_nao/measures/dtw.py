@@ -46,13 +46,27 @@ def as_numbers(values: object, name: str) -> np.ndarray:
     return found.astype(np.float64, copy=False)
 
 
+def count_trajectories(series: Trajectories, name: str = "trajectories") -> int:
+    """Return how many trajectories there are.
+
+    Raises:
+        ShapeError: If the argument is neither a list nor an array.
+    """
+    if not (isinstance(series, Sequence) or (isinstance(series, np.ndarray) and series.ndim)):
+        raise ShapeError(
+            f"`{name}` should be a list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array, "
+            f"but is {shown(series)}."
+        )
+    return len(series)
+
+
 def at_least_two(trajectories: Trajectories) -> int:
     """Return how many trajectories there are.
 
     Raises:
         ShapeError: If there are fewer than two.
     """
-    n = len(trajectories) if isinstance(trajectories, Sequence | np.ndarray) else 0
+    n = count_trajectories(trajectories)
     if n < 2:
         raise ShapeError(f"`trajectories` should hold at least two actions, but holds {n}.")
     return n
@@ -174,12 +188,8 @@ def _packed(series: Trajectories, name: str, dtype: np.dtype[Any], single: bool 
         arrays = None
         lengths = np.full(len(series), series.shape[1])
         n_joints = series.shape[2]
-    elif not isinstance(series, Sequence):
-        raise ShapeError(
-            f"`{name}` should be a list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array, "
-            f"but is {shown(series)}."
-        )
     else:
+        count_trajectories(series, name)
         arrays = [_trajectory(one, name if single else f"{name}[{k}]") for k, one in enumerate(series)]
         lengths = np.array([len(one) for one in arrays], dtype=np.int64)
         n_joints = arrays[0].shape[1] if arrays else 0
@@ -257,24 +267,16 @@ def dtw_pairs(
         SettingsError: If `dtype` is something else.
     """
     kind = _arithmetic(dtype)
-    values = _as_array(trajectories)
-    if values.ndim != 3 or values.dtype.kind not in "fiu" or 0 in values.shape[1:]:
-        raise ShapeError(
-            "`trajectories` should be an (n, n_steps, n_joints) array of numbers with at least one posture and one "
-            f"joint, but has shape {values.shape} and type {values.dtype}."
-        )
-    if values.size and not (values.min() >= -MAX_VALUE and values.max() <= MAX_VALUE):  # needs no room, unlike a mask
-        refuse_where(~(np.abs(values) <= MAX_VALUE), values, "trajectories", f"finite values up to {MAX_VALUE:g}")
-    places = [_places(given, name, len(values)) for given, name in ((first, "first"), (second, "second"))]
+    series = _as_array(trajectories)
+    values = _packed(series, "trajectories", kind).values
+    places = [_places(given, name, len(series)) for given, name in ((first, "first"), (second, "second"))]
     if len(places[0]) != len(places[1]):
         raise ShapeError(f"`second` should be as long as `first`, {len(places[0])}, but has {len(places[1])} places.")
     out = np.zeros(len(places[0]), kind)
     if out.size:
         from creative_nao.measures import _dtw_kernels  # numba takes half a second to import
 
-        _dtw_kernels.fill_pairs(
-            np.ascontiguousarray(values, np.float64 if values.dtype.kind != "f" else None), *places, out
-        )
+        _dtw_kernels.fill_pairs(values.reshape(len(series), series.shape[1], -1), *places, out)
     return out
 
 

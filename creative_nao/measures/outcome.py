@@ -13,9 +13,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import DTypeLike
 
-from creative_nao.errors import SettingsError, ShapeError, shown
-from creative_nao.measures.dtw import Trajectories, as_numbers, dtw_matrix
-from creative_nao.schema import NonNegative, record
+from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.measures.dtw import Trajectories, as_numbers, count_trajectories, dtw_matrix
+from creative_nao.schema import NonNegative, Positive, checked, record
 
 OUTCOMES = ("learned", "unlearned", "fluctuating", "non_moving")
 """Outcomes of a trajectory by itself; each has exactly one."""
@@ -111,14 +111,15 @@ def largest_speeds(trajectories: Trajectories, dt_s: float) -> np.ndarray:
         trajectories: A list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array [rad].
         dt_s: Time from one posture to the next [s].
     """
-    found = [np.abs(np.diff(block, axis=1)).max(axis=1, initial=0.0) for block in _blocks(trajectories)]
-    return np.concatenate(found) / dt_s if found else np.zeros((0, 0))
+    dt_s = checked(Positive, dt_s, "dt_s")
+    changes = [np.abs(np.diff(block, axis=1)).max(axis=1, initial=0.0) for block in _blocks(trajectories)]
+    return np.concatenate(changes) / dt_s if changes else np.zeros((0, 0))
 
 
 def excursions(trajectories: Trajectories) -> np.ndarray:
     """Return how far the most moving joint of each trajectory travels, from end to end [rad], shape (n,)."""
-    found = [np.ptp(block, axis=1).max(axis=1) for block in _blocks(trajectories)]
-    return np.concatenate(found) if found else np.zeros(0)
+    ranges = [np.ptp(block, axis=1).max(axis=1) for block in _blocks(trajectories)]
+    return np.concatenate(ranges) if ranges else np.zeros(0)
 
 
 def speed_limits(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> np.ndarray:
@@ -186,15 +187,11 @@ def check_same_joints(trajectories: Trajectories, demos: BasicActions) -> None:
     """
     check_basic_actions(demos)
     n_joints = demos.trajectories[0].shape[1]
+    n = count_trajectories(trajectories)
     if isinstance(trajectories, np.ndarray) and trajectories.ndim == 3:
-        shapes = [trajectories.shape[1:]] if len(trajectories) else []
-    elif isinstance(trajectories, Sequence) or (isinstance(trajectories, np.ndarray) and trajectories.ndim):
-        shapes = [as_numbers(one, f"trajectories[{place}]").shape for place, one in enumerate(trajectories)]
+        shapes = [trajectories.shape[1:]] if n else []
     else:
-        raise ShapeError(
-            f"`trajectories` should be a list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array, "
-            f"but is {shown(trajectories)}."
-        )
+        shapes = [as_numbers(one, f"trajectories[{place}]").shape for place, one in enumerate(trajectories)]
     for place, shape in enumerate(shapes):
         if len(shape) != 2 or shape[1] != n_joints or shape[0] < 1:
             raise ShapeError(
@@ -213,12 +210,13 @@ def _blocks(trajectories: Trajectories) -> Iterator[np.ndarray]:
 
 def _numbered_blocks(trajectories: Trajectories) -> Iterator[tuple[int, np.ndarray]]:
     """Yield the trajectories as (start, (n, n_steps, n_joints) float64) in order, as many together as is handy."""
+    n = count_trajectories(trajectories)
     if isinstance(trajectories, np.ndarray):
-        for start in range(0, len(trajectories), BLOCK):
-            yield start, np.asarray(trajectories[start : start + BLOCK], dtype=np.float64)
+        for start in range(0, n, BLOCK):
+            yield start, as_numbers(trajectories[start : start + BLOCK], "trajectories")
     else:
-        for start, one in enumerate(trajectories):
-            yield start, np.asarray(one, dtype=np.float64)[None]
+        for start, trajectory in enumerate(trajectories):
+            yield start, as_numbers(trajectory, f"trajectories[{start}]")[None]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -62,7 +62,7 @@ def test_a_place_outside_is_named(three_units, at):
 
 
 def test_a_map_of_many_units_points_to_slices(three_units):
-    with pytest.raises(SettingsError, match="but this one has 3; `pb_slice` charts two of them"):
+    with pytest.raises(SettingsError, match="but this one has 3; `pb_slice` maps two of them"):
         pb_map(three_units)
     with pytest.raises(SettingsError, match="`resolution` should be at most 4000, but is 5000"):
         pb_slice(three_units, resolution=5000)

@@ -87,3 +87,13 @@ def test_an_angle_that_is_not_finite_is_refused_with_its_place(taught):
     broken[2, 4, 6] = np.nan
     with pytest.raises(ShapeError, match=r"`trajectories\[2\]` is not finite at step 4, joint 6"):
         is_appropriate(broken, taught)
+
+
+@pytest.mark.parametrize("wrong", [None, 3, "ab"])
+def test_speeds_and_excursions_of_what_is_no_trajectory_are_refused(wrong):
+    with pytest.raises(ShapeError, match="`trajectories"):
+        excursions(wrong)
+    with pytest.raises(ShapeError, match="`trajectories"):
+        largest_speeds(wrong, 0.1)
+    with pytest.raises(SettingsError, match="`dt_s` should be above 0, but is 0"):
+        largest_speeds([np.zeros((3, 1))], 0)
