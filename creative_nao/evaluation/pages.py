@@ -32,23 +32,24 @@ _MARKUP = str.maketrans(
 )  # fmt: skip
 
 
-def render(template: str, **values: Any) -> str:
+def render(template: str, folder: Path | None = None, /, **values: Any) -> str:
     """Return a page.
 
     Args:
-        template: File in the folder `templates`, ending in `.html.jinja` or `.md.jinja`.
+        template: File in the folder of templates, ending in `.html.jinja` or `.md.jinja`.
+        folder: Folder of templates; default: `templates` of this package.
         values: What the template uses; a name that it uses and that is not given is an error.
     """
-    text = _environment().get_template(template).render(**values)
+    text = _environment(folder).get_template(template).render(**values)
     if template.endswith(MARKDOWN):  # blocks are one empty line apart, wherever the template's statements stood
         text = re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
     return text
 
 
 @functools.cache
-def _environment() -> jinja2.Environment:
+def _environment(folder: Path | None) -> jinja2.Environment:
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("creative_nao.evaluation"),
+        loader=jinja2.PackageLoader("creative_nao.evaluation") if folder is None else jinja2.FileSystemLoader(folder),
         autoescape=jinja2.select_autoescape(["html.jinja"], default=False),
         undefined=jinja2.StrictUndefined,
         finalize=_visible,
