@@ -1,18 +1,29 @@
-"""Draw the pictures of the documentation again: `python docs/make_images.py [strips|film|maps|physical|small] ...`.
+"""Draw the pictures of the documentation again: `python docs/make_images.py NAME`.
 
-`docs/make_explorer_images.py` takes those of the explorer.
+`docs/make_explorer_images.py` takes those of the explorer, `creative-nao evaluate ... --docs docs` draws results.
 """
 
-import argparse
+from __future__ import annotations
+
+import csv
 import json
 from pathlib import Path
+from typing import Any
 
+import gymnasium as gym
 import numpy as np
+from make_pages import agent_names, random_scores
+from tyro.conf import Positional
+from tyro.extras import SubcommandApp
 
 from creative_nao import load_demonstrations, load_memory, pb_map
+from creative_nao.agents import load_agent, make_agent
+from creative_nao.agents.play import make_env
 from creative_nao.envs.physical_map import PhysicalMap
+from creative_nao.evaluation.protocol import play
 from creative_nao.maps.figure_style import save_small
-from creative_nao.robot import Performer, PlaybackSettings, film_strip, pictures, write_gif
+from creative_nao.robot import Performer, PlaybackSettings, film_strip, imagined_frames, pictures, write_gif
+from creative_nao.robot.scene import Scene
 
 DOCS = Path(__file__).parent
 IMAGES = DOCS / "images"
@@ -26,7 +37,18 @@ FILM_MEMORY, FILM_PB = "half/0", (0.3, -0.1)
 FILM_TICKS = slice(2, 19)
 FILM_FRAME_S = 0.05
 
+CLIP_MEMORY, CLIP_SEED, N_FINDS = "half/10", 100, 3
+CLIP_TICKS = slice(0, 18)
+"""The first punch, or what stands in its place; a movement repeats itself after it."""
+CLIP_SIZE_PX = (168, 180)
+LARGEST_CLIP_BYTES = 300_000
 
+AGENT_COLOURS = {"ppo": "#0072B2", "sac": "#D55E00"}
+
+app = SubcommandApp()
+
+
+@app.command
 def strips() -> None:
     """Draw film strips of two basic actions in physics."""
     demos = load_demonstrations()
@@ -40,6 +62,7 @@ def strips() -> None:
         film_strip(images, IMAGES / f"{name}.png")
 
 
+@app.command
 def film() -> None:
     """Draw two taught movements and a new one side by side, at the robot's own pace, as a GIF of less than 1 MB."""
     from PIL import Image, ImageDraw
@@ -69,12 +92,14 @@ def film() -> None:
     )
 
 
+@app.command
 def maps() -> None:
     """Draw the maps of the shipped memories."""
     for name in MEMORIES:
         pb_map(load_memory(name.replace("_", "/"))).plot(IMAGES / f"map_{name}.png")
 
 
+@app.command
 def small() -> None:
     """Write the pictures, screenshots too, with few colours: a third of their size, for the source archive."""
     from PIL import Image
@@ -86,6 +111,7 @@ def small() -> None:
             save_small(path, path)
 
 
+@app.command
 def physical() -> None:
     """Draw what the robot makes of them and sum it up, from the maps in docs/results/physical."""
     for name in MEMORIES:
@@ -95,12 +121,84 @@ def physical() -> None:
         result.with_suffix(".json").write_text(json.dumps(chart.summary(), indent=1) + "\n", encoding="utf-8")
 
 
+class Recorder(gym.Wrapper):
+    """Keeps the reward and the trajectory of every movement that was accepted."""
+
+    def __init__(self, env: gym.Env) -> None:
+        super().__init__(env)
+        self.finds: list[tuple[float, np.ndarray]] = []
+
+    def step(self, action: Any) -> Any:
+        """Step, and keep what was found."""
+        result = self.env.step(action)
+        if result[4].get("appropriate"):
+            self.finds.append((float(result[1]), np.asarray(result[4]["trajectory"])))
+        return result
+
+
+@app.command
+def clips(names: Positional[tuple[str, ...]] = ()) -> None:
+    """Draw a clip of the best finds of shipped agents in an episode on a validation memory: images/agents/*.gif.
+
+    Args:
+        names: Shipped agents; default: all.
+    """
+    (IMAGES / "agents").mkdir(parents=True, exist_ok=True)
+    dt_s = load_memory(CLIP_MEMORY).demonstrations.dt_s
+    scene = Scene(with_bag=False)  # it would hide an arm
+    width, height = CLIP_SIZE_PX
+    for name in names or agent_names():
+        env_id = load_agent(name).header.score.env
+        env = Recorder(make_env(env_id, memory=CLIP_MEMORY))
+        play(make_agent(name), env, env_id=env_id, memory=CLIP_MEMORY, seed=CLIP_SEED)
+        best = sorted(env.finds, key=lambda find: -find[0])[:N_FINDS]
+        env.close()
+        frames = [imagined_frames(scene, trajectory[CLIP_TICKS], dt_s, frame_dt_s=dt_s) for _, trajectory in best]
+        images = pictures(scene, np.concatenate(frames), camera="close", width=width, height=height, smooth=2)
+        path = write_gif(images, IMAGES / "agents" / f"{name.replace('/', '-')}.gif", frame_dt_s=dt_s)
+        if path.stat().st_size > LARGEST_CLIP_BYTES:
+            raise SystemExit(f"{path} is larger than {LARGEST_CLIP_BYTES} bytes: {path.stat().st_size}")
+
+
+@app.command
+def training(runs: Positional[Path]) -> None:
+    """Draw what the shipped agents earned in training and on validation memories: images/agents.png.
+
+    Args:
+        runs: Holds a folder of `creative-nao agent train` for each shipped agent, named as its file in
+            creative_nao/agents/pretrained.
+    """
+    from matplotlib.figure import Figure
+
+    chance, names = random_scores(), agent_names()
+    envs = [env for env in chance if env != "Boxing-v0"]  # trained as BoxingMental-v0 was, with the same curve
+    figure = Figure(figsize=(4.2 * len(envs), 3.4), layout="constrained")
+    panels = figure.subplots(1, len(envs), squeeze=False)[0]
+    for axis, env in zip(panels, envs, strict=True):
+        for name in (n for n in names if n.endswith("/" + env)):
+            run, agent = runs / name.replace("/", "-"), name.split("/")[0]
+            ends, rewards = (_column(run / "episodes.csv", head) for head in ("n_decisions", "reward"))
+            label, whole = agent.upper(), load_agent(name).header.n_actions_training  # the last episode may end before
+            tenths = np.minimum((10 * ends / whole).astype(int), 9)  # copies end together, so no split by number
+            parts = [np.mean(rewards[tenths == tenth]) for tenth in np.unique(tenths)]
+            places = [100 * np.mean(ends[tenths == tenth]) / whole for tenth in np.unique(tenths)]
+            axis.plot(places, parts, color=AGENT_COLOURS[agent], label=f"{label}, train memories")
+            judged = [_column(run / "evaluations.csv", head) for head in ("n_decisions", "mean_reward")]
+            places = 100 * judged[0] / whole
+            axis.plot(places, judged[1], "o--", ms=4, color=AGENT_COLOURS[agent], label=f"{label}, validation")
+        axis.axhline(chance[env].mean, color="0.4", lw=1, ls=":", label="random, validation")
+        axis.set(title=env, xlabel="share of the training [%]")
+        axis.set_ylim(bottom=0)
+    panels[0].set_ylabel("reward of an episode")
+    panels[0].legend(fontsize=8, loc="lower right")
+    figure.savefig(IMAGES / "agents.png", dpi=110)
+
+
+def _column(path: Path, name: str) -> np.ndarray:
+    """Return one column of a CSV file as numbers."""
+    with path.open(encoding="utf-8", newline="") as stream:
+        return np.array([float(row[name]) for row in csv.DictReader(stream)])
+
+
 if __name__ == "__main__":
-    drawn = {"strips": strips, "film": film, "maps": maps, "physical": physical, "small": small}
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("words", nargs="*", help="default: all")
-    words = parser.parse_args().words or list(drawn)
-    if unknown := [word for word in words if word not in drawn]:
-        parser.error(f"no pictures `{unknown[0]}`; there are {', '.join(drawn)}")
-    for word in words:
-        drawn[word]()
+    app.cli(prog="python docs/make_images.py")

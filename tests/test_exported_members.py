@@ -15,7 +15,7 @@ import pytest
 import creative_nao as cn
 
 ROOT = Path(__file__).parents[1]
-PAGE = runpy.run_path(str(ROOT / "docs" / "make_api.py"))
+PAGE = runpy.run_path(str(ROOT / "docs" / "make_pages.py"))
 PACKAGES = PAGE["PACKAGES"]
 TOP_LEVEL = {
     "load_demonstrations": ["folder"],
@@ -98,7 +98,7 @@ def test_every_error_of_the_project_is_one_that_users_can_catch_at_once():
 def test_the_list_of_public_names_is_current():
     written = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 
-    assert written == PAGE["api_page"](), "run `python docs/make_api.py`"
+    assert written == PAGE["api_page"](), "run `python docs/make_pages.py api`"
 
 
 def modules():

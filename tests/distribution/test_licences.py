@@ -31,7 +31,7 @@ def names(needs):
 @pytest.fixture(scope="module")
 def bill(tmp_path_factory):
     target = tmp_path_factory.mktemp("bill") / "sbom.json"
-    subprocess.run([sys.executable, ROOT / "docs" / "make_licences.py", "--sbom", target], check=True)
+    subprocess.run([sys.executable, ROOT / "docs" / "make_pages.py", "licences", "--sbom", target], check=True)
     return target.read_text(encoding="utf-8")
 
 
@@ -39,7 +39,7 @@ def test_the_page_names_every_dependency_and_every_extra_that_brings_one():
     assert names(PROJECT["dependencies"]) <= ROWS.keys()
     for extra, needs in FOR_USERS.items():
         for name in names(needs):
-            assert extra in ROWS[name][1].split(", "), f"`python docs/make_licences.py` with extra `{extra}` installed"
+            assert extra in ROWS[name][1].split(", "), f"`docs/make_pages.py licences` with extra `{extra}` installed"
 
 
 def test_every_package_of_the_page_declares_a_licence():

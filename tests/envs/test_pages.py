@@ -101,6 +101,6 @@ def test_the_thresholds_of_the_body_are_the_ones_in_force():
 
 def test_the_page_of_the_documentation_is_current():
     pytest.importorskip("dm_control", reason="the page tells of its task")
-    made = runpy.run_path(str(DOCS / "make_environments.py"))["environments_page"]()
+    made = runpy.run_path(str(DOCS / "make_pages.py"))["environments_page"]()
 
-    assert (DOCS / "environments.md").read_text(encoding="utf-8") == made, "run `python docs/make_environments.py`"
+    assert (DOCS / "environments.md").read_text(encoding="utf-8") == made, "run `docs/make_pages.py environments`"

@@ -12,7 +12,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 @pytest.fixture(scope="module")
 def maker():
-    spec = importlib.util.spec_from_file_location("make_faults", DOCS / "make_faults.py")
+    spec = importlib.util.spec_from_file_location("make_pages", DOCS / "make_pages.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -20,7 +20,7 @@ def maker():
 
 @pytest.fixture(scope="module")
 def record(maker):
-    return json.loads(maker.RECORD.read_text(encoding="utf-8"))
+    return json.loads(maker.FAULTS_RECORD.read_text(encoding="utf-8"))
 
 
 def test_every_case_was_tried_and_survived(record):
@@ -29,9 +29,9 @@ def test_every_case_was_tried_and_survived(record):
 
 
 def test_the_page_tells_what_was_recorded(maker, record):
-    page = maker.PAGE.read_text(encoding="utf-8")
+    page = maker.FAULTS_PAGE.read_text(encoding="utf-8")
 
-    assert maker.with_table(page, record) == page
+    assert maker.with_fault_table(page, record) == page
 
 
 def test_a_case_that_was_not_survived_shows_in_the_table(maker, record):
