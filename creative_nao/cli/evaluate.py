@@ -25,10 +25,9 @@ from rich.table import Table
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.evaluation.publishing import leaderboard, publish, with_record
-from creative_nao.evaluation.resolve_agents import check_entrant
 from creative_nao.evaluation.run import Evaluation, evaluate
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
-from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, find_suite
+from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, check_agent, find_suite
 from creative_nao.evaluation.tables import env_label, terminal_table
 from creative_nao.evaluation.verification import TOLERANCE, Verification, verify
 
@@ -230,7 +229,7 @@ def _chosen(settings: EvaluateSettings) -> Suite:
     suite = find_suite(settings.suite, trusted=settings.trust)
     if settings.agents is not None:
         names = tuple(name.strip() for name in settings.agents.split(",") if name.strip())
-        suite = dataclasses.replace(suite, agents=tuple(map(check_entrant, names)))
+        suite = dataclasses.replace(suite, agents=tuple(map(check_agent, names)))
     if settings.demonstrations is None:
         return suite
     if suite.taught is None:

@@ -23,8 +23,8 @@ from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import CreativeNaoError
 from creative_nao.evaluation.jobs import PARENT, Job, read_spec, write_result
 from creative_nao.evaluation.protocol import play
-from creative_nao.evaluation.resolve_agents import make_entrant
 from creative_nao.evaluation.statistics import seed_sequence
+from creative_nao.evaluation.suites import resolve_agent
 from creative_nao.maps import PBMap, pb_map
 from creative_nao.measures import OUTCOMES, farthest_points
 from creative_nao.model import Memory, TrainingSettings, train_network
@@ -134,7 +134,7 @@ def play_episodes(spec: dict[str, Any], folder: Path, report: Report) -> dict[st
             env = gym.make(env_id, memory=_memory_of(memory, folder), **budget)
             try:
                 for place, seed in enumerate(spec["seeds"], first * len(spec["seeds"])):
-                    agent = make_entrant(spec["agent"], folder / spec["bundles"][place] if spec["bundles"] else None)
+                    agent = resolve_agent(spec["agent"], folder / spec["bundles"][place] if spec["bundles"] else None)
                     episode = play(
                         agent,
                         env,

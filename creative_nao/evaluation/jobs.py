@@ -10,8 +10,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from creative_nao import storage
 from creative_nao.errors import CreativeNaoError
-from creative_nao.evaluation.resolve_agents import check_entrant, trained_here
-from creative_nao.evaluation.suites import Suite
+from creative_nao.evaluation.suites import Suite, check_agent, trained_here
 from creative_nao.schema import Field, JsonObject, NonNegative, PlainName, dump, load_json, record
 from creative_nao.storage import as_json, read_text
 
@@ -118,10 +117,10 @@ def plan(suite: Suite, *, base_seed: int) -> tuple[Job, ...]:
         The jobs; each stands after those it needs.
 
     Raises:
-        CreativeNaoError: If an agent cannot take part, as `check_entrant` tells.
+        CreativeNaoError: If an agent cannot take part, as `check_agent` tells.
     """
     taught = {name: _train_memory(suite, name) for name in suite.memories if suite.taught_seed(name) is not None}
-    learning = [agent for agent in suite.agents if trained_here(check_entrant(agent))]
+    learning = [agent for agent in suite.agents if trained_here(check_agent(agent))]
     jobs: list[Job] = [*taught.values()]
     for group in _groups(suite.memories, suite.memories_per_job):
         own = tuple(taught[memory] for memory in group if memory in taught)

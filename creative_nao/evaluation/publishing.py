@@ -15,9 +15,9 @@ from creative_nao import storage
 from creative_nao.errors import SettingsError
 from creative_nao.evaluation.pages import render
 from creative_nao.evaluation.results import MAX_ROWS, Entry, Label, MeanInterval, naming, read_results, verdict
-from creative_nao.evaluation.run import read_record
+from creative_nao.evaluation.run import RunRecord, read_record
 from creative_nao.evaluation.tables import env_label
-from creative_nao.schema import Count, Field, Index, LongText, PlainName, Text, parse, record
+from creative_nao.schema import Count, Field, Index, PlainName, Text, parse, record
 
 MENTAL, PHYSICAL = "CreativeNao/BoxingMental-v0", "CreativeNao/Boxing-v0"
 MODULATION = "CreativeNao/BoxingModulation-v0"
@@ -57,41 +57,13 @@ class SummaryEntry:
 
 
 @record(closed=False)
-class PublishedSuite:
-    """What the pages tell of a suite."""
-
-    n_actions: Count
-    about: LongText = ""
-
-
-@record(closed=False)
-class PublishedSettings:
-    """The settings of a published run."""
-
-    suite: PublishedSuite
-
-
-@record(closed=False)
-class PublishedRecord:
-    """What made a published file."""
-
-    command: LongText
-    versions: Annotated[dict[Text, Text], Field(max_length=1_000)]
-    settings: PublishedSettings
-
-    def __post_init__(self) -> None:
-        if "creative-nao" not in self.versions:
-            raise SettingsError("`versions`: `creative-nao` is missing")
-
-
-@record(closed=False)
 class PublishedFile:
     """What a published result file has beside its rows."""
 
     suite: PlainName
     summary: Annotated[tuple[SummaryEntry, ...], Field(max_length=MAX_ROWS)]
     baseline: Text | None
-    record: PublishedRecord
+    record: RunRecord
 
 
 def leaderboard(published: Mapping[str, Results]) -> str:
@@ -99,15 +71,19 @@ def leaderboard(published: Mapping[str, Results]) -> str:
 
     Args:
         published: Content of each result file, by its path as seen from the page.
+
+    Raises:
+        FileFormatError: If a part of a file is missing.
     """
     suites = []
-    for path, results in published.items():
-        envs = dict.fromkeys(entry["env"] for entry in results["summary"])
-        groups = [(env_label(env).capitalize(), _entries(results, env, by="reward_iqm")) for env in envs]
-        versions = results["record"]["versions"]
-        packages = ", ".join(f"{name} {versions[name]}" for name in PACKAGES if name in versions)
-        suites.append((path, results, groups, packages))
-    return render("leaderboard.md.jinja", suites=suites)
+    with naming(f"results in {', '.join(published)}"):
+        for path, results in published.items():
+            envs = dict.fromkeys(entry["env"] for entry in results["summary"])
+            groups = [(env_label(env).capitalize(), _entries(results, env, by="reward_iqm")) for env in envs]
+            versions = results["record"]["versions"]
+            packages = ", ".join(f"{name} {versions[name]}" for name in PACKAGES if name in versions)
+            suites.append((path, results, groups, packages))
+        return render("leaderboard.md.jinja", suites=suites)
 
 
 def result_page(published: Mapping[str, Results]) -> str:
@@ -116,15 +92,19 @@ def result_page(published: Mapping[str, Results]) -> str:
     Args:
         published: Content of each result file, by its path as seen from the page. Suites `search`, `physical`,
             `performed`, `modulation` and `transfer` have a section each; others stand on the leaderboard alone.
+
+    Raises:
+        FileFormatError: If a part of a file is missing.
     """
-    sections = [
-        {"suite": suite, "path": path, "command": results["record"]["command"], **figures(results)}
-        for suite, figures in SECTIONS.items()
-        for path, results in published.items()
-        if results["suite"] == suite
-    ]
-    has_physical = any(section["suite"] == "physical" for section in sections)
-    return render("results.md.jinja", sections=sections, has_physical=has_physical)
+    with naming(f"results in {', '.join(published)}"):
+        sections = [
+            {"suite": suite, "path": path, "command": results["record"]["command"], **figures(results)}
+            for suite, figures in SECTIONS.items()
+            for path, results in published.items()
+            if results["suite"] == suite
+        ]
+        has_physical = any(section["suite"] == "physical" for section in sections)
+        return render("results.md.jinja", sections=sections, has_physical=has_physical)
 
 
 def _search(results: Results) -> dict[str, Any]:
@@ -278,9 +258,7 @@ def publish(folders: Sequence[Path], docs: Path) -> list[Path]:
     published = read_published(docs)
     written.append(storage.write_text(docs / "leaderboard.md", leaderboard(published)))
     if "search" in {results["suite"] for results in published.values()}:
-        with naming(f"results in {docs / RESULTS_AT}"):
-            page = result_page(published)
-        written.append(storage.write_text(docs / "results.md", page))
+        written.append(storage.write_text(docs / "results.md", result_page(published)))
     return written
 
 

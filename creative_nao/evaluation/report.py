@@ -18,9 +18,8 @@ from creative_nao.evaluation.jobs import slug
 from creative_nao.evaluation.pages import data_uri, render
 from creative_nao.evaluation.plots import agent_colour
 from creative_nao.evaluation.protocol import ActionRecord, Episode
-from creative_nao.evaluation.resolve_agents import actions_before, in_bundle, trained_here
 from creative_nao.evaluation.results import Measured, Row, verdict
-from creative_nao.evaluation.suites import Suite
+from creative_nao.evaluation.suites import Suite, actions_before, in_bundle, trained_here
 from creative_nao.evaluation.tables import MEASURED_COLUMNS, SUMMARY_TITLES, cells, env_label, summary_cells
 from creative_nao.maps import PBMap
 

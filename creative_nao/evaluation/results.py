@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import jinja2
 import numpy as np
 
 from creative_nao import storage
 from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError
 from creative_nao.evaluation.jobs import Job
 from creative_nao.evaluation.protocol import Episode
-from creative_nao.evaluation.resolve_agents import actions_before, trained_here
 from creative_nao.evaluation.statistics import (
     compare,
     estimate,
@@ -31,7 +31,7 @@ from creative_nao.evaluation.statistics import (
     profile_band,
     seed_sequence,
 )
-from creative_nao.evaluation.suites import Suite
+from creative_nao.evaluation.suites import Suite, actions_before, trained_here
 from creative_nao.schema import AfterValidator, Count, Field, Text, parse, record
 from creative_nao.storage import as_json, read_text
 
@@ -129,13 +129,13 @@ def naming(what: str) -> Iterator[None]:
         what: Beginning of the message.
 
     Raises:
-        FileFormatError: In place of the errors of Python over a missing part or one of another kind.
+        FileFormatError: In place of the errors of Python and of templates over a missing part or one of another kind.
     """
     try:
         yield
     except CreativeNaoError:
         raise
-    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, jinja2.UndefinedError) as error:
         raise FileFormatError(
             f"{what}: a part is missing or of another kind ({type(error).__name__}: {error})"
         ) from error

@@ -83,7 +83,7 @@ def in_threads(
 
 
 class Executor(Protocol):
-    """Runs jobs: each in a process of its own, a killed one again, one with a result in the folder never."""
+    """Where jobs run: `LocalExecutor` on this machine, `cluster.DaskExecutor` on a cluster, with the same results."""
 
     @property
     def n_workers(self) -> int:
@@ -93,17 +93,7 @@ class Executor(Protocol):
     def run(
         self, jobs: Sequence[Job], folder: Path, on_progress: Callable[[Progress], None] = ...
     ) -> dict[str, dict[str, Any]]:
-        """Run all jobs and return their results by name.
-
-        Args:
-            jobs: Each after those it needs.
-            folder: Run folder, where results and files are written.
-            on_progress: Called several times a second.
-
-        Raises:
-            JobError: If a job failed at every attempt; the others are finished first.
-            KeyboardInterrupt: After Ctrl-C; finished results stay.
-        """
+        """Run all jobs and return their results by name; see `LocalExecutor.run`."""
         ...
 
 
@@ -248,7 +238,14 @@ class LocalExecutor:
     def run(
         self, jobs: Sequence[Job], folder: Path, on_progress: Callable[[Progress], None] = lambda _: None
     ) -> dict[str, dict[str, Any]]:
-        """Run all jobs and return their results by name; specs, results and logs go to the subfolder `jobs`.
+        """Run all jobs and return their results by name.
+
+        Each runs in a process of its own, a killed one again, one with a result in the folder never.
+
+        Args:
+            jobs: Each after those it needs.
+            folder: Run folder; specs, results and logs go to its subfolder `jobs`.
+            on_progress: Called several times a second.
 
         Raises:
             SettingsError: If `n_workers` is below 1.

@@ -109,22 +109,13 @@ def estimate(
     return _with_interval(value, statistic(resample(values, n_resamples, rng)), n_runs, level)
 
 
-def compare(
-    ours: np.ndarray,
-    theirs: np.ndarray,
-    *,
-    rng: np.random.Generator,
-    n_resamples: int = N_RESAMPLES_OVER_TASKS,
-    level: float = LEVEL,
-) -> Estimate:
+def compare(ours: np.ndarray, theirs: np.ndarray, *, rng: np.random.Generator) -> Estimate:
     """Return the probability of improvement of one agent over another, with its stratified bootstrap interval.
 
     Args:
         ours: Shape (runs, tasks), finite.
         theirs: Shape (other runs, tasks), finite.
         rng: Draws the bootstrap samples of both, independently.
-        n_resamples: Bootstrap samples.
-        level: Share of cases in which the interval should hold the truth.
 
     Raises:
         ShapeError: If the tasks differ in number.
@@ -138,8 +129,8 @@ def compare(
     n_runs = min(len(ours), len(theirs))
     if n_runs == 1:
         return Estimate(value, None, None, 1)
-    samples = probability_of_improvement(resample(ours, n_resamples, rng), resample(theirs, n_resamples, rng))
-    return _with_interval(value, samples, n_runs, level)
+    drawn = [resample(runs, N_RESAMPLES_OVER_TASKS, rng) for runs in (ours, theirs)]
+    return _with_interval(value, probability_of_improvement(*drawn), n_runs)
 
 
 def probability_of_improvement(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
@@ -162,13 +153,7 @@ def probability_of_improvement(ours: np.ndarray, theirs: np.ndarray) -> np.ndarr
     return ((ours > theirs) + 0.5 * (ours == theirs)).mean(axis=(-3, -2, -1))
 
 
-def estimate_over_tasks(
-    values: np.ndarray,
-    *,
-    rng: np.random.Generator,
-    n_resamples: int = N_RESAMPLES_OVER_TASKS,
-    level: float = LEVEL,
-) -> Estimate:
+def estimate_over_tasks(values: np.ndarray, *, rng: np.random.Generator) -> Estimate:
     """Return a mean with an interval that speaks of other tasks too: tasks are drawn anew, then runs within each.
 
     The stratified interval keeps the tasks; where an answer is meant for tasks of the same kind that nobody has tried,
@@ -177,15 +162,13 @@ def estimate_over_tasks(
     Args:
         values: Shape (runs, tasks), finite.
         rng: Draws the bootstrap samples.
-        n_resamples: Bootstrap samples.
-        level: Share of cases in which the interval should hold the truth.
     """
     value, (n_runs, n_tasks) = float(mean(values)), values.shape
     if n_tasks == 1:
         return Estimate(value, None, None, 1)
-    tasks = rng.integers(n_tasks, size=(n_resamples, 1, n_tasks))
-    runs = rng.integers(n_runs, size=(n_resamples, n_runs, n_tasks))
-    return _with_interval(value, mean(values[runs, tasks]), n_tasks, level)
+    tasks = rng.integers(n_tasks, size=(N_RESAMPLES_OVER_TASKS, 1, n_tasks))
+    runs = rng.integers(n_runs, size=(N_RESAMPLES_OVER_TASKS, n_runs, n_tasks))
+    return _with_interval(value, mean(values[runs, tasks]), n_tasks)
 
 
 def performance_profile(values: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
@@ -206,30 +189,28 @@ def performance_profile(values: np.ndarray, thresholds: np.ndarray) -> np.ndarra
 
 
 def profile_band(
-    values: np.ndarray, thresholds: np.ndarray, *, rng: np.random.Generator, n_resamples: int = N_RESAMPLES_OVER_TASKS
+    values: np.ndarray, thresholds: np.ndarray, *, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the pointwise 95 % stratified bootstrap band of a performance profile, two arrays of shape (n,)."""
-    samples = performance_profile(resample(values, n_resamples, rng), thresholds)
-    tail = expanded_tail(len(values)) if len(values) > 1 else 0.0
+    samples = performance_profile(resample(values, N_RESAMPLES_OVER_TASKS, rng), thresholds)
+    return bootstrap_interval(samples, len(values))
+
+
+def bootstrap_interval(samples: np.ndarray, n_runs: int, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:
+    """Return both ends of the expanded percentile interval of bootstrap samples.
+
+    Args:
+        samples: Shape (n_resamples, ...): the statistic of each bootstrap sample.
+        n_runs: How many runs each sample was drawn from; of one run, the interval is the range of the samples.
+        level: Share of cases in which the interval should hold the truth.
+    """
+    tail = expanded_tail(n_runs, level) if n_runs > 1 else 0.0
     low, high = np.quantile(samples, [tail, 1.0 - tail], axis=0)
     return low, high
 
 
-def bootstrap_interval(samples: np.ndarray, n_runs: int, level: float = LEVEL) -> tuple[float, float]:
-    """Return the expanded percentile interval of bootstrap samples.
-
-    Args:
-        samples: Shape (n_resamples,): the statistic of each bootstrap sample.
-        n_runs: How many runs each sample was drawn from, at least 2.
-        level: Share of cases in which the interval should hold the truth.
-    """
-    tail = expanded_tail(n_runs, level)
-    low, high = np.quantile(samples, [tail, 1.0 - tail])
-    return float(low), float(high)
-
-
-def _with_interval(value: float, samples: np.ndarray, n_runs: int, level: float) -> Estimate:
-    low, high = bootstrap_interval(samples, n_runs, level)
+def _with_interval(value: float, samples: np.ndarray, n_runs: int, level: float = LEVEL) -> Estimate:
+    low, high = map(float, bootstrap_interval(samples, n_runs, level))
     # Of equal runs the mean is rounded differently from sample to sample; an interval holds its own figure.
     return Estimate(value, min(low, value), max(high, value), n_runs)
 

@@ -1,6 +1,8 @@
 """Suites: which agents search which memories in which environments, how often and at which budget. A TOML file each.
 
-`SUITE_NAMES` are the shipped ones; `find_suite` takes a name or a path, `suite_from_values` reads a record.
+`SUITE_NAMES` are the shipped ones; `find_suite` takes a name or a path, `suite_from_values` reads a record. An agent
+of a suite is an agent by name, one that the suite trains, a bundle trained before, or a factory of the user's:
+`check_agent`, `resolve_agent`.
 """
 
 from __future__ import annotations
@@ -12,10 +14,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
+from creative_nao.agents.base import Agent, PolicyAgent
+from creative_nao.agents.bundle import load_bundle, shipped_agents
+from creative_nao.agents.registry import NAMES, TRAINED, UNTRAINED, is_entry_point, load_entry_point, make_agent
 from creative_nao.agents.settings import PPOSettings
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
-from creative_nao.evaluation.resolve_agents import check_entrant
 from creative_nao.model import SPLITS, split_memories
 from creative_nao.model.memory import shipped_memories
 from creative_nao.schema import AfterValidator, Field, PlainName, Seed, UnitInterval, parse, record
@@ -32,6 +36,9 @@ MENTAL = "CreativeNao/BoxingMental-v0"
 MAX_EPISODES = 1_000_000
 """Of a suite: about a year of a core."""
 MAX_FILE_BYTES = 200_000
+
+PPO = "ppo"
+"""The one agent that a suite trains itself, where it names it without a bundle."""
 
 
 def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -219,7 +226,7 @@ def _check_names(suite: Suite, where: str) -> None:
     """Check that everything a suite names exists, before anything is started."""
     for agent in suite.agents:
         try:
-            check_entrant(agent)
+            check_agent(agent)
         except (SettingsError, NotFoundError) as error:
             raise type(error)(f"{where}: {error}") from error
     for env in (*suite.envs, suite.training_env, *suite.oracle_envs):
@@ -234,3 +241,70 @@ def _check_names(suite: Suite, where: str) -> None:
                 f"{where}: no memory `{memory}`{nearest_name(memory, names)}: neither a file, a shipped name, nor a "
                 f"part of the bank ({', '.join(SPLITS)})"
             )
+
+
+def trained_here(name: str) -> bool:
+    """Return whether an agent is trained by the suite itself, on the memory on which it is judged."""
+    return name == PPO
+
+
+def in_bundle(name: str) -> bool:
+    """Return whether an agent comes out of a bundle that was trained before."""
+    return name not in NAMES and (name in shipped_agents() or os.path.isfile(name))
+
+
+def check_agent(name: str) -> str:
+    """Return `name` if it can take part.
+
+    Whatever it names is made at once: a package that is missing, a bundle that is damaged or a mistake in a
+    `package.module:factory` should not wait for the first job.
+
+    Raises:
+        NotFoundError: If it is neither an agent, nor a bundle, nor a factory; the message offers the nearest name.
+        SettingsError: If a factory makes no agent.
+        FileFormatError: If a bundle is damaged.
+        MissingDependencyError: If it needs a package that is not installed; the message names its extra.
+    """
+    if trained_here(name):
+        return name
+    if name in UNTRAINED:
+        UNTRAINED[name]()
+        return name
+    if in_bundle(name):
+        load_bundle(name)
+        return name
+    if is_entry_point(name):
+        load_entry_point(name)
+        return name
+    if name in TRAINED:
+        raise NotFoundError(
+            f"agent `{name}` takes part out of a bundle, such as `{name}/BoxingMental-v0` or a file of "
+            f"`creative-nao agent train {name}`"
+        )
+    known = (*UNTRAINED, PPO, *shipped_agents())
+    raise NotFoundError(
+        f"no agent `{name}`{nearest_name(name, known)}; there are: {', '.join(known)}, bundle files, and "
+        "package.module:factory for your own"
+    )
+
+
+def resolve_agent(name: str, bundle: Path | None = None) -> Agent:
+    """Make the agent that takes part under this name.
+
+    Args:
+        name: Agent or bundle.
+        bundle: Bundle of an agent that was trained on the spot.
+
+    Raises:
+        NotFoundError: If there is no such agent or bundle.
+        FileFormatError: If a bundle is damaged.
+    """
+    if in_bundle(name):
+        trained = load_bundle(name)
+        return PolicyAgent(trained, deterministic=trained.header.deterministic, name=name)
+    return make_agent(check_agent(name), bundle)
+
+
+def actions_before(name: str) -> int:
+    """Return how many actions an agent out of a bundle generated in training; 0 for any other."""
+    return load_bundle(name).header.n_actions_training if in_bundle(name) else 0

@@ -8,7 +8,7 @@ import pytest
 
 from creative_nao.agents import Agent, FunctionAgent, PolicyAgent, as_agent, load_entry_point, make_agent
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError
-from creative_nao.evaluation.resolve_agents import check_entrant, make_entrant
+from creative_nao.evaluation.suites import check_agent, resolve_agent
 
 OBSERVATION = np.zeros(4, np.float32)
 
@@ -62,8 +62,8 @@ def first(agent, context):
 )
 def test_what_a_factory_makes_plays_under_the_name_typed(own, factory, expected, make_context):
     name = f"{own}:{factory}"
-    assert check_entrant(name) == name
-    for make in (make_agent, make_entrant, load_entry_point):
+    assert check_agent(name) == name
+    for make in (make_agent, resolve_agent, load_entry_point):
         agent = make(name)
         assert isinstance(agent, Agent)
         assert agent.name == name

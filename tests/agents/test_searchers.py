@@ -28,7 +28,7 @@ from creative_nao.agents.quality_diversity import (
     mean_postures,
 )
 from creative_nao.errors import MissingDependencyError, SettingsError
-from creative_nao.evaluation.resolve_agents import check_entrant
+from creative_nao.evaluation.suites import check_agent
 
 SEARCHES = ("cma_es", "cma_me", "map_elites", "novelty_search", "bayesian")
 DRAWING = tuple(name for name in UNTRAINED if name != "oracle")
@@ -129,7 +129,7 @@ def test_a_missing_package_is_named_with_its_extra_when_the_agent_is_made(agent,
     with pytest.raises(MissingDependencyError, match=expected):
         agent()
     with pytest.raises(MissingDependencyError, match=expected):
-        check_entrant(agent.name)
+        check_agent(agent.name)
 
 
 def test_a_package_that_is_there_and_broken_is_named_when_it_is_loaded(monkeypatch):
