@@ -1,14 +1,12 @@
-"""Training epochs as compiled code with hand-derived gradients: the fast twin of `mtrnn.py` and `loss.py`.
+"""Training epochs as compiled code with hand-derived gradients: what `network.py` says in torch, many times faster.
 
-Forward and backward pass of backpropagation through time over all actions at once, and the step of Adam.
-`tests/model/test_fused.py` holds both against torch. `layout` says where each number lies.
+Forward and backward pass of backpropagation through time over all actions at once, and the step of Adam;
+`tests/model/test_compiled_training.py` compares both with torch. `CompiledNetwork` is what training calls;
+`matmul.Layout` says where each number lies.
 
 Names follow the equations: a is the summed input of a unit, x = P_I and y the activations of P_F, P_M, P_S (Eq. 3) lie
 side by side in z, u are internal states (Eq. 2), o the predicted code; d_ is a derivative of the loss. Row
 t n_actions + n is action n at tick t: z is what the next tick reads, da belongs to the sums that made the tick.
-
-Also here:
-- The compiled engine with its working memory: what `engine` and `autograd` call.
 """
 
 from __future__ import annotations
@@ -47,8 +45,8 @@ ROWS_AT_ONCE = 96
 class Workspace(NamedTuple):
     """Arrays of an engine, all flat float32; rows are `layout.row` apart unless said."""
 
-    taught: np.ndarray
-    """Target codes, rows of `n_codes`, zero past an action's end: what is not taught adds nothing to the loss."""
+    target: np.ndarray
+    """Target codes, rows of `n_codes`, zero past an action's end: these ticks add nothing to the loss."""
     weight: np.ndarray
     """Sum of the target code of each joint, rows of `n_joints`: 1, or 0 past the end."""
     entropy: np.ndarray
@@ -85,7 +83,7 @@ def _clear(array):
 
 
 @compiled()
-def _begin(lay, work, vector):
+def _prepare(lay, work, vector):
     """Compute PB activations (Eq. 1), what each sum begins with, and the transposed weights."""
     for n in range(lay.n_actions):
         for j in range(lay.n_pb):
@@ -96,12 +94,12 @@ def _begin(lay, work, vector):
                 total = total + load16(vector, lay.w_pb + j * lay.width + c) * work.pb[n * lay.n_pb + j]
             store(total, work.start, n * lay.row + c)
     for panel in range(lay.low.size):
-        for sender in range(lay.low[panel], lay.high[panel], 8):
-            other, source = sender // PANEL, lay.place[panel] + (sender - lay.low[panel]) * PANEL
-            target = lay.place[other] + sender % PANEL - lay.low[other] * PANEL
+        for pre in range(lay.low[panel], lay.high[panel], 8):  # first of eight presynaptic units, and so `post`
+            other, source = pre // PANEL, lay.place[panel] + (pre - lay.low[panel]) * PANEL
+            target = lay.place[other] + pre % PANEL - lay.low[other] * PANEL
             begin, end = max(panel * PANEL, lay.low[other]), min((panel + 1) * PANEL, lay.high[other])
-            for receiver in range(begin, end, 8):
-                transpose8(vector, source + receiver % PANEL, PANEL, work.w_back, target + receiver * PANEL, PANEL)
+            for post in range(begin, end, 8):
+                transpose8(vector, source + post % PANEL, PANEL, work.w_back, target + post * PANEL, PANEL)
 
 
 @compiled()
@@ -114,11 +112,11 @@ def _predict(lay, work, t, ratio):
         for first in range(0, step, 8):  # eight joints; the softmax units of one are `step` columns apart
             a, z, code = n * lay.row + first, row * lay.row + first, row * n_codes + first
             top = load8(work.a, a)
-            expected = load8(work.taught, code) * top
+            expected = load8(work.target, code) * top
             for c in range(step, n_codes, step):
                 value = load8(work.a, a + c)
                 top = at_least(top, value)
-                expected = expected + load8(work.taught, code + c) * value
+                expected = expected + load8(work.target, code + c) * value
             total = spread8(F(0))
             for c in range(0, n_codes, step):
                 power = exp32(load8(work.a, a + c) - top)
@@ -128,7 +126,7 @@ def _predict(lay, work, t, ratio):
             loss = loss + (load8(work.entropy, row * step + first) + weight * (top + log32(total)) - expected)
             inverse = spread8(F(1)) / total
             for c in range(0, n_codes, step):
-                o, target = load8(work.a, a + c) * inverse, load8(work.taught, code + c)
+                o, target = load8(work.a, a + c) * inverse, load8(work.target, code + c)
                 store(o, work.o, code + c)
                 store(o * ratio + target * open_share, work.z, z + c)
                 store(o * weight - target, work.da, z + c)
@@ -138,10 +136,10 @@ def _predict(lay, work, t, ratio):
 @compiled()
 def _forward(lay, work, vector, ratio):
     """Run the network over all ticks and return the loss; leaves the loss's own part of `da` of the outputs."""
-    n_steps = work.taught.size // (lay.n_actions * lay.n_codes)
+    n_steps = work.target.size // (lay.n_actions * lay.n_codes)
     for n in range(lay.n_actions):
         for c in range(0, lay.n_codes, 8):
-            store(load8(work.taught, n * lay.n_codes + c), work.z, n * lay.row + c)
+            store(load8(work.target, n * lay.n_codes + c), work.z, n * lay.row + c)
     _clear(work.u)
     loss = 0.0
     for t in range(1, n_steps):
@@ -159,7 +157,7 @@ def _forward(lay, work, vector, ratio):
 
 @compiled()
 def _backward_codes(lay, work, t, ratio):
-    """Add to `da` of tick t what the predictions do as the next input, through the softmax."""
+    """Add to `da` of tick t the derivative by the prediction that is the next input, through the softmax."""
     step = lay.n_joints
     for n in range(lay.n_actions):
         row = t * lay.n_actions + n
@@ -176,7 +174,7 @@ def _backward_codes(lay, work, t, ratio):
 @compiled()
 def _backward(lay, work, ratio):
     """Run back through the ticks: fills `da`, and in `d_start` its sum over the ticks."""
-    n_steps = work.taught.size // (lay.n_actions * lay.n_codes)
+    n_steps = work.target.size // (lay.n_actions * lay.n_codes)
     _clear(work.a)
     _clear(work.u)
     _clear(work.d_start)
@@ -204,8 +202,8 @@ def _backward(lay, work, ratio):
 
 @compiled()
 def _weight_gradient(lay, work):
-    """Multiply what the senders said with what the receivers should have heard, over all ticks and actions."""
-    n_rows = work.taught.size // lay.n_codes - lay.n_actions
+    """Compute the weight gradient: activations times derivatives of summed inputs, over all ticks and actions."""
+    n_rows = work.target.size // lay.n_codes - lay.n_actions
     for first in range(0, n_rows, ROWS_AT_ONCE):
         count = min(ROWS_AT_ONCE, n_rows - first)
         for p in range(lay.low.size):
@@ -220,7 +218,7 @@ def _weight_gradient(lay, work):
 
 @compiled()
 def _bias_gradient(lay, work, vector):
-    """Lead the derivative of what sums begin with to the biases, PB weights and rho."""
+    """Compute the gradient of biases, PB weights and rho from `d_start`."""
     for c in range(0, lay.width, 16):
         total = load16(work.d_start, c)
         for n in range(1, lay.n_actions):
@@ -244,9 +242,9 @@ def _bias_gradient(lay, work, vector):
 def loss_and_gradient(lay, work, vector, ratio):
     """Return the loss of Eq. 4 for packed parameters and leave its gradient in `work.gradient`.
 
-    What the gradient says of elements that stand for no parameter means nothing.
+    Elements of the gradient that stand for no parameter have no meaning.
     """
-    _begin(lay, work, vector)
+    _prepare(lay, work, vector)
     loss = _forward(lay, work, vector, ratio)
     _backward(lay, work, ratio)
     _weight_gradient(lay, work)
@@ -305,13 +303,13 @@ def run_epochs(lay, work, vector, first, second, best, ratios, allowed, losses, 
 
 
 class CompiledNetwork:
-    """A network's sizes and the actions it is taught, prepared for compiled epochs.
+    """A network's sizes and the actions it learns, prepared for compiled epochs.
 
     One instance serves one thread at a time: it owns the memory that the epochs work in.
 
     Args:
         settings: Sizes and time constants.
-        codes: Target codes, (n_actions, longest, n_codes) positive, from `targets.target_codes`.
+        codes: Target codes, (n_actions, longest, n_codes) positive, from `encoding.target_codes`.
         lengths: Steps of each action, (n_actions,).
     """
 
@@ -323,14 +321,14 @@ class CompiledNetwork:
     def _workspace(self, settings: NetworkSettings, codes: np.ndarray, lengths: np.ndarray) -> Workspace:
         lay = self.layout
         n_actions, n_steps, _ = codes.shape
-        taught = aligned(n_steps, n_actions, lay.n_codes)
+        target = aligned(n_steps, n_actions, lay.n_codes)
         counts = np.arange(n_steps)[:, None] < lengths[None, :]
-        taught[:, :, self._packing.code_columns] = codes.transpose(1, 0, 2) * counts[:, :, None]
-        units = taught.reshape(n_steps, n_actions, settings.n_softmax_units, lay.n_joints).astype(np.float64)
+        target[:, :, self._packing.code_columns] = codes.transpose(1, 0, 2) * counts[:, :, None]
+        units = target.reshape(n_steps, n_actions, settings.n_softmax_units, lay.n_joints).astype(np.float64)
         entropy = (units * np.log(np.where(units > 0, units, 1))).sum(axis=2)
         rows, lines, few = n_steps * n_actions * lay.row, lay.width, n_actions * lay.row
         return Workspace(
-            taught=taught.ravel(),
+            target=target.ravel(),
             weight=_copied(units.sum(axis=2)),
             entropy=_copied(entropy),
             rate=_copied(self._packing.rate),
@@ -352,7 +350,7 @@ class CompiledNetwork:
         """Return the loss of Eq. 4 and its gradient.
 
         Args:
-            vector: Parameters, flat as in `parameters`, float32.
+            vector: Parameters, flat as in `config.parameter_shapes`, float32.
             ratio: Closed-loop ratio.
 
         Returns:

@@ -1,10 +1,8 @@
-"""The matrix product of the training engine: tiles of the result stay in registers while the inner index runs.
+"""The matrix product of compiled training and generation, and the layout of the numbers that training multiplies.
 
-Every element is a sum in ascending order of the inner index, whatever the tile it falls into, so results depend neither
-on the width of the machine's registers nor on how rows are cut into tiles.
-
-Also here:
-- Where the compiled engine keeps the numbers of a network: packed for its matrix product.
+Tiles of the result stay in registers while the inner index runs. Every element is a sum in ascending order of the inner
+index, whatever the tile it falls into, so results depend neither on the width of the machine's registers nor on how
+rows are cut into tiles.
 """
 
 from __future__ import annotations
@@ -157,7 +155,7 @@ def multiply_panels(lay, first_panel, rows, rows_at, weights, start, start_row, 
     """Multiply the rows of all actions at one tick with packed weights: out = start + rows weights, from a panel on.
 
     Args:
-        lay: `layout.Layout`.
+        lay: A `Layout`.
         first_panel: Panels before this one are left out.
         rows: Array that holds the rows, `lay.row` apart, the first at `rows_at`.
         weights: Panels as in the packed vector.
@@ -190,9 +188,9 @@ class Layout(NamedTuple):
     """Distance between two rows: an odd number of cache lines, so that a column of numbers spreads over the cache."""
     n_pb: int
     low: np.ndarray
-    """First sender of each panel, int64."""
+    """First presynaptic unit of each panel, int64."""
     high: np.ndarray
-    """End of the senders of each panel."""
+    """End of the presynaptic units of each panel."""
     place: np.ndarray
     """Where each panel begins in the packed vector."""
     bias: int
@@ -219,7 +217,7 @@ def aligned(*shape: int) -> np.ndarray:
 
 
 class Packing:
-    """Translates between the flat vector of `parameters` and the packed one.
+    """Translates between the flat vector of `config.parameter_shapes` and the packed one.
 
     Args:
         settings: Sizes of the network.
@@ -234,7 +232,7 @@ class Packing:
         first_hidden = line_up(n_joints * n_units, LINE)
         starts = np.cumsum([0, first_hidden, *settings.layer_sizes])
         width = line_up(int(starts[-1]), PANEL)
-        low, high = _heard(starts, width)
+        low, high = _presynaptic(starts, width)
         place = np.cumsum([0, *((high - low) * PANEL)])
         bias = int(place[-1])
         w_pb = bias + width
@@ -258,9 +256,9 @@ class Packing:
         hidden = lay.first_hidden + np.arange(settings.n_hidden)
         codes = self.code_columns
 
-        def weight(sender, receiver):
-            panel, column = np.divmod(receiver[None, :], PANEL)
-            return lay.place[panel] + (sender[:, None] - lay.low[panel]) * PANEL + column
+        def weight(pre, post):  # presynaptic and postsynaptic units
+            panel, column = np.divmod(post[None, :], PANEL)
+            return lay.place[panel] + (pre[:, None] - lay.low[panel]) * PANEL + column
 
         packed = {
             "w_in": weight(codes, fast),
@@ -276,7 +274,7 @@ class Packing:
         return real, targets[real]
 
     def pack(self, flat: np.ndarray) -> np.ndarray:
-        """Return the packed vector; what stands for nothing is zero."""
+        """Return the packed vector; its padding is zero."""
         packed = aligned(self.layout.size)
         packed[self._packed] = flat[self._flat]
         return packed
@@ -288,12 +286,12 @@ class Packing:
         return new
 
     def real(self) -> np.ndarray:
-        """Return 1 for elements of the packed vector that are parameters, 0 for those that stand for nothing."""
+        """Return 1 for elements of the packed vector that are parameters, 0 for the padding."""
         return self.pack(np.ones(n_parameters(self.shapes), np.float32))
 
 
-def _heard(starts: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return, for each panel, the first and the end of the columns that its receivers hear.
+def _presynaptic(starts: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return, for each panel, the first and the end of the columns that its units have input from.
 
     Both are multiples of eight, because the weights are transposed in squares of that size.
     """
@@ -301,8 +299,8 @@ def _heard(starts: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
     low, high = [], []
     for first in range(0, width, PANEL):
         inside = [p for p in range(n_parts) if starts[p] < first + PANEL and starts[p + 1] > first]
-        # P_I/P_O, part 0, does not hear itself; a last panel may hold no unit at all.
-        heard = [q for p in inside for q in (p - 1, p, p + 1) if 0 <= q < n_parts and (p, q) != (0, 0)]
-        low.append(starts[min(heard)] // 8 * 8 if heard else 0)
-        high.append(line_up(starts[max(heard) + 1], 8) if heard else 0)
+        # P_I/P_O, part 0, has no input from itself; a last panel may hold no unit at all.
+        parts = [q for p in inside for q in (p - 1, p, p + 1) if 0 <= q < n_parts and (p, q) != (0, 0)]
+        low.append(starts[min(parts)] // 8 * 8 if parts else 0)
+        high.append(line_up(starts[max(parts) + 1], 8) if parts else 0)
     return np.array(low, np.int64), np.array(high, np.int64)

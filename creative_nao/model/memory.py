@@ -24,28 +24,15 @@ from creative_nao.errors import (
     FileFormatError,
     NotFoundError,
     SettingsError,
-    ShapeError,
     nearest_name,
     shown,
 )
 from creative_nao.measures import score
-from creative_nao.measures.dtw import MAX_VALUE
 from creative_nao.model.config import NetworkSettings, TrainingSettings, check_kind, parameter_shapes
 from creative_nao.model.encoding import SoftmaxEncoding, encoding_of
-from creative_nao.model.generation import ClosedLoopGenerator, along, pb_of_each_tick, pb_points, real_array
-from creative_nao.model.recognition import N_SCREEN, Recognition, infer_pb
-from creative_nao.schema import (
-    Count,
-    Index,
-    JsonObject,
-    Names,
-    Seed,
-    Version1,
-    checked,
-    dump,
-    parse,
-    record,
-)
+from creative_nao.model.generation import ClosedLoopGenerator, along, pb_of_each_tick, pb_points
+from creative_nao.model.recognition import N_SCREEN, Recognition, checked_trajectory, infer_pb
+from creative_nao.schema import Count, Index, JsonObject, Names, Seed, Version1, checked, dump, parse, record
 
 KIND = "memory"
 MAX_CURVE_POINTS = 5000
@@ -212,21 +199,9 @@ class Memory:
             ShapeError: If `trajectory` is not finite or does not have the memory's joints.
             SettingsError: If a setting is of a wrong kind or out of range.
         """
-        target = real_array(trajectory, "trajectory")
-        if target.ndim != 2 or target.shape[1] != len(self.joints) or len(target) < 2:
-            raise ShapeError(
-                f"`trajectory` should have shape (n_steps, {len(self.joints)}), at least two ticks and one column for "
-                f"each of {', '.join(self.joints)}, but has {target.shape}"
-            )
-        if not (np.abs(target) <= MAX_VALUE).all():
-            tick, joint = np.argwhere(~(np.abs(target) <= MAX_VALUE))[0]
-            raise ShapeError(
-                f"`trajectory` should hold finite angles [rad], but is {target[tick, joint]} at tick {tick}, "
-                f"joint {self.joints[joint]}"
-            )
         return infer_pb(
             self.generator,
-            target,
+            checked_trajectory(trajectory, self.joints),
             infer_initial_state=checked(bool, infer_initial_state, "infer_initial_state"),
             n_restarts=checked(Count, n_restarts, "n_restarts"),
             n_screen=checked(Count, n_screen, "n_screen"),
@@ -243,31 +218,28 @@ class Memory:
         )
 
     def _repr_html_(self) -> str:
-        """Return the map of the first two PB units for a notebook: nearest basic actions, white where unusable."""
+        """Return the map over the first two PB units for a notebook: the nearest basic action of each point."""
         import matplotlib
         from matplotlib.image import imsave
 
-        n_pb, side = self.network.n_pb, PREVIEW_RESOLUTION
-        axis = np.linspace(-1.0, 1.0, side)
-        points = np.zeros((side * side, n_pb))
-        points[:, 0] = np.tile(axis, side)
-        points[:, 1:2] = np.repeat(axis, side)[:, None]  # nothing to fill where there is one unit
+        axis = np.linspace(-1.0, 1.0, PREVIEW_RESOLUTION)
+        points = np.zeros((len(axis) ** 2, self.network.n_pb))
+        points[:, 0] = np.tile(axis, len(axis))
+        points[:, 1:2] = np.repeat(axis, len(axis))[:, None]  # fills no column where there is only one unit
         scores = score(self.generate(points), self.demonstrations)
-        palette = np.array(matplotlib.colormaps["tab10"].colors)[np.arange(self.demonstrations.n_actions) % 10]
-        image = np.where(scores.appropriate[:, None], palette[scores.nearest], 1.0).reshape(side, side, 3)
+        colours = np.array([matplotlib.colormaps["tab10"](place % 10)[:3] for place in range(len(self.pb))])
+        image = np.where(scores.appropriate[:, None], colours[scores.nearest], 1.0).reshape(len(axis), -1, 3)
         picture = io.BytesIO()
         imsave(picture, image, format="png", origin="lower")
-        marks, legend = "", []
-        for place, name in enumerate(self.demonstrations.names):
-            x, y = (50 * (value + 1) for value in (self.pb[place, 0], -self.pb[place, 1] if n_pb > 1 else 0.0))
-            label, colour = html.escape(name), matplotlib.colors.to_hex(palette[place])
-            marks += f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.5" stroke="white"><title>{label}</title></circle>'
-            legend.append(f'<span style="color:{colour}">&#9632;</span> {label}')
+        legend = [
+            f'<span style="color:{matplotlib.colors.to_hex(colour)}">&#9632;</span> {html.escape(name)}'
+            for colour, name in zip(colours, self.demonstrations.names, strict=True)
+        ]
         return (
-            f'<pre>{html.escape(repr(self))}</pre><svg width="240" height="240" viewBox="0 0 100 100">'
-            f'<image width="100" height="100" style="image-rendering:pixelated" '
-            f'href="data:image/png;base64,{base64.b64encode(picture.getvalue()).decode()}"/>{marks}</svg>'
-            f"<p>Nearest basic action (dot: its learned PB): {', '.join(legend)}; white: too fast or not moving</p>"
+            f"<pre>{html.escape(repr(self))}</pre>"
+            f'<img width="240" height="240" style="image-rendering:pixelated" alt="PB map" '
+            f'src="data:image/png;base64,{base64.b64encode(picture.getvalue()).decode()}">'
+            f"<p>{', '.join(legend)}; white: too fast or not moving</p>"
         )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -302,16 +274,15 @@ class Memory:
         path = _path(path, "path")
         values, tensors = load_tensors(path, kind=KIND)
         header = parse(MemoryHeader, values, f"{path}: header")
-        shapes = parameter_shapes(
-            header.network, len(header.joints) * header.network.n_softmax_units, len(header.actions)
-        )
+        n_codes = len(header.joints) * header.network.n_softmax_units
+        shapes = parameter_shapes(header.network, n_codes, len(header.actions))
         parts = [f"demonstration/{place}" for place in range(len(header.actions))]
         only_arrays(path, tensors, [*parts, *(f"parameter/{key}" for key in shapes), "loss_history"])
         return cls(
             network=header.network,
             training=header.training,
             parameters={key: _weights(path, tensors, f"parameter/{key}", shape) for key, shape in shapes.items()},
-            demonstrations=_demonstrations(path, header, [_trajectory(path, tensors, p, header) for p in parts]),
+            demonstrations=_demonstrations(path, header, tensors),
             loss_history=take(path, tensors, "loss_history", (None,), np.float32),
             loss_every=header.loss_every,
             best_epoch=header.best_epoch,
@@ -337,16 +308,16 @@ def _weights(path: Path, tensors: dict[str, np.ndarray], name: str, shape: tuple
     return weights
 
 
-def _trajectory(path: Path, tensors: dict[str, np.ndarray], name: str, header: MemoryHeader) -> np.ndarray:
-    trajectory = take(path, tensors, name, (None, len(header.joints)), np.float64)
-    if len(trajectory) > MAX_STEPS:
-        raise FileFormatError(
-            f"{path}: the array `{name}` has {len(trajectory)} postures, expected at most {MAX_STEPS}"
-        )
-    return trajectory
-
-
-def _demonstrations(path: Path, header: MemoryHeader, trajectories: list[np.ndarray]) -> Demonstrations:
+def _demonstrations(path: Path, header: MemoryHeader, tensors: dict[str, np.ndarray]) -> Demonstrations:
+    trajectories = []
+    for place in range(len(header.actions)):
+        name = f"demonstration/{place}"
+        trajectory = take(path, tensors, name, (None, len(header.joints)), np.float64)
+        if len(trajectory) > MAX_STEPS:
+            raise FileFormatError(
+                f"{path}: the array `{name}` has {len(trajectory)} postures, expected at most {MAX_STEPS}"
+            )
+        trajectories.append(trajectory)
     record = header.demonstrations_record
     try:
         demonstrations = Demonstrations(header.actions, trajectories, header.dt_s, header.joints, record)

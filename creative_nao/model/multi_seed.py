@@ -16,6 +16,7 @@ from creative_nao.model.config import NetworkSettings, TrainingSettings, check_k
 from creative_nao.model.memory import Memory
 from creative_nao.model.training import Progress, train_network
 from creative_nao.runtime import usable_cores
+from creative_nao.schema import Count, checked
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -81,6 +82,10 @@ def train_many(
     Returns:
         One result for each of `wanted`, in order.
     """
+    check_kind(Sequence, wanted, "wanted")
+    for training in wanted:
+        check_kind(TrainingSettings, training, "wanted")
+    n_workers = usable_cores() if n_workers is None else checked(Count, n_workers, "n_workers")
     stop = threading.Event() if stop is None else stop
 
     def train_one(training: TrainingSettings) -> Trained:
@@ -102,7 +107,7 @@ def train_many(
             checkpoint.unlink(missing_ok=True)
         return Trained(training, memory, None)
 
-    with ThreadPoolExecutor(n_workers or usable_cores()) as pool:
+    with ThreadPoolExecutor(n_workers) as pool:
         futures = [pool.submit(train_one, training) for training in wanted]
         try:
             done, _ = wait(futures, return_when=FIRST_EXCEPTION)

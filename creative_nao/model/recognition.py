@@ -15,9 +15,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from creative_nao.measures.dtw import dtw_matrix
-from creative_nao.model.generation import DIFFERENTIATED_BATCH, ClosedLoopGenerator
+from creative_nao.errors import ShapeError
+from creative_nao.measures.dtw import MAX_VALUE, dtw_matrix
+from creative_nao.model.generation import DIFFERENTIATED_BATCH, ClosedLoopGenerator, real_array
 
 LARGEST_STEP = 0.1
 """Of a PB value in one iteration; the approximation is not to be trusted farther."""
@@ -66,6 +68,9 @@ class Restarts:
 
     def __len__(self) -> int:
         return len(self.pb)
+
+    def __repr__(self) -> str:
+        return f"Restarts({len(self)} points, DTW distance {self.error[0]:.4g} to {self.error[-1]:.4g} rad)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +135,27 @@ class NormalEquations(NamedTuple):
     error: np.ndarray
     curvature: np.ndarray
     downhill: np.ndarray
+
+
+def checked_trajectory(trajectory: ArrayLike, joints: tuple[str, ...]) -> np.ndarray:
+    """Return joint angles as float64 (n_steps, n_joints).
+
+    Raises:
+        ShapeError: If they are not, if there are fewer than two ticks, or one is not finite.
+    """
+    target = real_array(trajectory, "trajectory")
+    if target.ndim != 2 or target.shape[1] != len(joints) or len(target) < 2:
+        raise ShapeError(
+            f"`trajectory` should have shape (n_steps, {len(joints)}), at least two ticks and one column for each of "
+            f"{', '.join(joints)}, but has {target.shape}"
+        )
+    if not (np.abs(target) <= MAX_VALUE).all():
+        tick, joint = np.argwhere(~(np.abs(target) <= MAX_VALUE))[0]
+        raise ShapeError(
+            f"`trajectory` should hold finite angles [rad], but is {target[tick, joint]} at tick {tick}, "
+            f"joint {joints[joint]}"
+        )
+    return target
 
 
 def infer_pb(

@@ -1,14 +1,10 @@
-"""SIMD vectors of float32 inside compiled code: what one instruction works on, written down instead of hoped for.
+"""SIMD vectors of float32 for numba code, exp, tanh and log for them, and `compiled`, the decorator that compiles.
 
 The compiler turns a plain loop into SIMD instructions only when it can prove enough about it, and numbers that are left
 over at its end are computed one by one. A `Vector` is a fixed number of lanes in a register: it can be loaded from an
 array, added, multiplied and stored. LLVM splits vectors that are wider than the machine's.
 
-The functions that are not about memory take a plain float32 as well, so that a formula is written once for both.
-
-Also here:
-- What the compiled engines share: how to compile, and exp, tanh and log in float32.
-- Weighted sums of what senders say, in one fixed order: what makes generated movements equal to the last bit.
+The functions that do not access memory take a plain float32 as well, so that a formula is written once for both.
 """
 
 from __future__ import annotations
@@ -23,6 +19,9 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
+# pyright: reportIndexIssue=false, reportCallIssue=false, reportOperatorIssue=false
+
+F = np.float32
 FLOAT = ir.FloatType()
 CONTRACT = ("contract",)  # a product and a sum may become one instruction
 
@@ -278,12 +277,6 @@ def transpose8(typing_context, source, source_first, source_row, target, target_
     return types.void(source, source_first, source_row, target, target_first, target_row), generate
 
 
-# pyright: reportIndexIssue=false, reportCallIssue=false, reportOperatorIssue=false
-
-
-F = np.float32
-
-
 def compiled(**options: Any) -> Callable[[Callable], Any]:
     """Compile with numba and cache the machine code; without a writable place, compile anew in each process.
 
@@ -356,35 +349,3 @@ def log32(x):
     p = p * z + F(2 / 3)
     p = p * z + F(2.0)
     return e * F(0.6931471805599453) + s * p
-
-
-@compiled()
-def add_inputs(weights, first, last, senders, out):
-    """Add the weighted rows of `senders` from `first` to `last` to `out`, (lanes,): one receiver in every lane."""
-    n_lanes = out.shape[0]
-    full = first + (last - first) // 4 * 4
-    for k in range(first, full, 4):
-        w0, w1, w2, w3 = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
-        s0, s1, s2, s3 = senders[k], senders[k + 1], senders[k + 2], senders[k + 3]
-        for lane in range(n_lanes):
-            out[lane] = out[lane] + w0 * s0[lane] + w1 * s1[lane] + w2 * s2[lane] + w3 * s3[lane]
-    for k in range(full, last):
-        w, s = weights[k], senders[k]
-        for lane in range(n_lanes):
-            out[lane] += w * s[lane]
-
-
-@compiled()
-def add_outputs(weights, senders, first, last, out):
-    """Add what `senders[first:last]` send to all receivers, `out`; `weights` has senders in rows."""
-    n_out = out.shape[0]
-    full = first + (last - first) // 4 * 4
-    for k in range(first, full, 4):
-        w0, w1, w2, w3 = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
-        s0, s1, s2, s3 = senders[k], senders[k + 1], senders[k + 2], senders[k + 3]
-        for i in range(n_out):
-            out[i] = out[i] + w0[i] * s0 + w1[i] * s1 + w2[i] * s2 + w3[i] * s3
-    for k in range(full, last):
-        w, s = weights[k], senders[k]
-        for i in range(n_out):
-            out[i] += w[i] * s

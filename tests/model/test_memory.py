@@ -1,4 +1,6 @@
+import base64
 import contextlib
+import dataclasses
 import json
 
 import numpy as np
@@ -7,7 +9,16 @@ import pytest
 from creative_nao import load_memory
 from creative_nao.errors import FileFormatError, NotFoundError
 from creative_nao.measures import dtw
-from creative_nao.model import CONDITIONS, Memory, shipped_memories
+from creative_nao.model import (
+    CONDITIONS,
+    Memory,
+    NetworkSettings,
+    Trained,
+    TrainingSettings,
+    shipped_memories,
+    train_network,
+    walk,
+)
 
 
 def test_a_saved_memory_comes_back_bit_for_bit(tiny_memory, tmp_path):
@@ -93,3 +104,25 @@ def test_shipped_memories_learned_the_shipped_demonstrations(demonstrations):
         mine = load_memory(name).demonstrations
         assert mine.names == demonstrations.names
         assert all(np.array_equal(a, b) for a, b in zip(mine.trajectories, demonstrations.trajectories, strict=True))
+
+
+def test_what_a_notebook_shows_is_short(tiny_memory):
+    recognition = tiny_memory.infer_pb(tiny_memory.generate(np.zeros((1, 2)))[0])
+    steps = walk(tiny_memory, [[0, 0], [1, 1]], 3)
+    trained = Trained(tiny_memory.training, tiny_memory, None)
+
+    for shown in (tiny_memory, recognition, recognition.restarts, steps, trained):
+        assert repr(shown).count("\n") < 5
+        assert len(repr(shown)) < 700
+    assert "6 actions of 8 joints" in repr(tiny_memory)
+
+
+@pytest.mark.parametrize("n_pb", [1, 2, 3])
+def test_a_notebook_shows_a_memorys_map(waves, n_pb):
+    settings = NetworkSettings(layer_sizes=(8, 4), time_constants=(2, 5), n_softmax_units=5, n_pb=n_pb)
+    memory = dataclasses.replace(train_network(waves, TrainingSettings(n_epochs=5), settings), name="<b>")
+    page = memory._repr_html_()
+
+    assert "&lt;b&gt;" in page
+    assert base64.b64decode(page.split("base64,")[1].split('"')[0]).startswith(b"\x89PNG")
+    assert all(name in page for name in waves.names)

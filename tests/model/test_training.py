@@ -103,7 +103,7 @@ def test_divergence_is_an_error_that_says_where(waves):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"closed_loop_ratio": 1.5}, "`closed_loop_ratio` should be at most 1.0, but is 1.5"),
+        ({"closed_loop_ratio": 1.5}, "`closed_loop_ratio` should be at most 1, but is 1.5"),
         ({"n_epochs": 0}, "`n_epochs` should be at least 1, but is 0"),
         ({"learning_rate": float("nan")}, "`learning_rate` should be a finite number, but is nan"),
         ({"engine": "gpu"}, "`engine` should be `fused` or `reference`"),
