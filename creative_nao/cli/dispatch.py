@@ -1,8 +1,4 @@
-"""Find the command, read its flags, turn errors into one line and an exit code.
-
-Also here:
-- How the flags of a command are told in its help: each text as one paragraph, each default once, each value by name.
-"""
+"""Find the command, make its flags from its settings dataclass, turn errors into one line and an exit code."""
 
 from __future__ import annotations
 
@@ -29,7 +25,7 @@ from creative_nao.errors import CreativeNaoError, nearest_name
 from creative_nao.storage import DISK_FAULTS
 
 FLAGS = ConstructorRegistry()
-"""What tyro is to know of settings beyond their types, while inside ``with FLAGS``."""
+"""How tyro makes flags from our settings dataclasses, while inside ``with FLAGS``."""
 
 
 @FLAGS.struct_rule
@@ -51,17 +47,18 @@ def _settings(info: StructTypeInfo) -> StructConstructorSpec | None:
 
 
 def field_texts(settings: type) -> dict[str, str]:
-    """Return the text under each field of a dataclass, as one line; none where its source is not installed."""
-    try:
-        (definition,) = ast.parse(textwrap.dedent(inspect.getsource(settings))).body
-    except OSError:
-        return {}
-    assert isinstance(definition, ast.ClassDef)
-    found = {}
-    for field, below in zip(definition.body, definition.body[1:], strict=False):
-        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(below, ast.Expr):
-            found[field.target.id] = " ".join(ast.literal_eval(below.value).split())
-    return found
+    """Return the text under each field of a dataclass, also inherited ones, as one line; none without the source."""
+    texts = {}
+    for parent in reversed([one for one in settings.__mro__ if dataclasses.is_dataclass(one)]):
+        try:
+            (definition,) = ast.parse(textwrap.dedent(inspect.getsource(parent))).body
+        except OSError:
+            continue
+        assert isinstance(definition, ast.ClassDef)
+        for field, below in zip(definition.body, definition.body[1:], strict=False):
+            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(below, ast.Expr):
+                texts[field.target.id] = " ".join(ast.literal_eval(below.value).split())
+    return texts
 
 
 def with_default(text: str, default: Any) -> tuple[str, str | None]:
@@ -118,13 +115,18 @@ COMMANDS = {
     "score": ("score", "ScoreSettings", "score recorded movements against the basic actions"),
     "infer": ("infer", "InferSettings", "find the point of a memory's PB space that makes a recorded movement"),
     "export": ("export", "ExportSettings", "write a movement for a robot, another program, or as a film"),
-    "agent": ("agent", "AgentSettings", "train, tune and run agents that learn to explore a memory"),
+    "agent train": ("agent_train", "TrainAgentSettings", "train an agent that learns to explore a memory"),
+    "agent tune": ("agent_tune", "TuneAgentSettings", "search hyperparameters on validation memories"),
+    "agent run": ("agent_run", "RunAgentSettings", "let an agent play and print what it earned"),
     "explore": ("explore", "ExploreSettings", "touch a memory in the browser and watch the robot do what is there"),
     "evaluate": ("evaluate", "EvaluateSettings", "compare agents on a suite; ends with a table and a report"),
+    "evaluate paper": ("evaluate_paper", "PaperOptions", "reproduce the paper, claim by claim"),
+    "evaluate verify": ("evaluate_results", "VerifySettings", "play episodes of a result file again"),
+    "evaluate leaderboard": ("evaluate_results", "LeaderboardSettings", "compare finished runs"),
     "memories": ("memories", "MemoriesSettings", "list the shipped memories"),
     "doctor": ("doctor", "DoctorSettings", "say what this machine can do"),
 }
-"""Command: its file in this folder, its settings class and what it is for."""
+"""Command, of one or two words: its file in this folder, its settings class and what it is for."""
 
 USER_ERROR, INTERRUPTED = 2, 130
 
@@ -142,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     try:
         with _terminated_like_interrupted():
-            return _run(words[0], words[1:])
+            return _run(words)
     except CreativeNaoError as error:
         return _fail(str(error))
     except (FileExistsError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
@@ -161,22 +163,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
 
 
-def overview() -> str:
-    """Return the text of bare `creative-nao`."""
-    width = max(map(len, COMMANDS))
-    lines = [f"  {name:<{width}}  {purpose}" for name, (_, _, purpose) in COMMANDS.items()]
-    return "\n".join(
-        [
-            f"usage: {PROGRAM} COMMAND [options]",
-            "",
-            "A robot invents movements of its own, and its creativity is measured.",
-            "",
-            *lines,
-            "",
-            f"{PROGRAM} COMMAND --help tells the options of a command, their units and defaults.",
-            f"A first look, in minutes: {PROGRAM} evaluate quick",
-        ]
-    )
+def overview(group: str = "") -> str:
+    """Return the text of bare `creative-nao`, or of a command that only groups others, such as `agent`."""
+    names = [name for name in COMMANDS if not group or name.startswith(f"{group} ")]
+    width = max(map(len, names))
+    head = f"{PROGRAM} {group}".strip()
+    lines = [f"usage: {head} COMMAND [options]", ""]
+    if not group:
+        lines += ["A robot invents movements of its own, and its creativity is measured.", ""]
+    lines += [f"  {name:<{width}}  {COMMANDS[name][2]}" for name in names]
+    lines += ["", f"{PROGRAM} COMMAND --help tells the options of a command, their units and defaults."]
+    if not group:
+        lines.append(f"A first look, in minutes: {PROGRAM} evaluate quick")
+    return "\n".join(lines)
 
 
 @contextlib.contextmanager
@@ -196,19 +195,26 @@ def _terminated_like_interrupted() -> Iterator[None]:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def _run(name: str, words: list[str]) -> int:
+def _run(words: list[str]) -> int:
+    """Run the command that the first one or two words name."""
+    name = " ".join(words[:2]) if " ".join(words[:2]) in COMMANDS else words[0]
     if name not in COMMANDS:
-        return _fail(f"no command `{name}`{nearest_name(name, COMMANDS)}; there are {', '.join(COMMANDS)}")
+        parts = [command.partition(" ")[2] for command in COMMANDS if command.startswith(f"{name} ")]
+        if not parts:
+            known = [command for command in COMMANDS if " " not in command] + ["agent"]
+            return _fail(f"no command `{name}`{nearest_name(name, known)}; there are {', '.join(known)}")
+        if words[1:] in ([], ["-h"], ["--help"]):
+            print(overview(name))
+            return 0
+        return _fail(f"no command `{name} {words[1]}`{nearest_name(words[1], parts)}; there are {', '.join(parts)}")
     module_name, settings_name, _ = COMMANDS[name]
     module = importlib.import_module(f"creative_nao.cli.{module_name}")
-    settings = _parse(getattr(module, settings_name), name, words)
+    settings = _parse(getattr(module, settings_name), name, words[len(name.split()) :])
     return settings if isinstance(settings, int) else module.run(settings)
 
 
 def _parse(settings_class: type, name: str, words: list[str]) -> Any:
     """Return the settings, or an exit code when the flags ask for help or cannot be read."""
-    import tyro
-
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint), FLAGS:

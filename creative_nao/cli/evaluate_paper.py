@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import datetime
 import json
 import sys
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from creative_nao.cli.evaluate import new_folder
 from creative_nao.cli.terminal import Display
 from creative_nao.errors import SettingsError
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Report, paper_settings
@@ -26,30 +26,43 @@ COLOURS = {"holds": "green", "does not hold": "red", "undecided": "dim"}
 
 
 @dataclass(frozen=True)
-class PaperRequest:
-    """What the command line asks for."""
+class PaperOptions:
+    """Reproduce the paper: its Table I, figures and conclusions over many networks, with intervals and verdicts."""
 
-    out: Path | None
-    seed: int
-    n_workers: int | None
-    resume: bool
-    json: bool
-    quick: bool
-    retrain: bool
-    docs: Path | None
+    out: Path | None = None
+    """Run folder, which must be new or empty unless --resume is given; default: runs/paper-TIMESTAMP."""
+    seed: int = 0
+    """Seed of the random draws; the same seed gives the same results."""
+    n_workers: int | None = None
+    """Networks at a time, without influence on results; default: the available cores."""
+    resume: bool = False
+    """Continue the run folder --out: what is done is not done again."""
+    json: bool = False
+    """Print results.json instead of the tables."""
+    quick: bool = False
+    """Train a few networks for a short time, to see in minutes what it looks like."""
+    retrain: bool = False
+    """Train ten networks a condition in the run folder instead of taking the shipped ones."""
+    docs: Path | None = None
+    """Bring results, page and pictures into this documentation folder."""
 
 
-def run_paper(asked: PaperRequest) -> int:
+def run(asked: PaperOptions) -> int:
     """Reproduce the paper and return the exit code: 0, or 130 after Ctrl-C.
 
     Raises:
         CreativeNaoError: If the user made a mistake, or no network of a condition could be trained.
     """
+    if asked.n_workers is not None and asked.n_workers < 1:
+        raise SettingsError(f"`--n-workers` should be at least 1, but is {asked.n_workers}")
+    if asked.seed < 0:
+        raise SettingsError(f"`--seed` should be at least 0, but is {asked.seed}")
     settings = paper_settings(quick=asked.quick, retrain=asked.retrain, seed=asked.seed)
     if asked.docs is not None and not asked.docs.is_dir():
         raise SettingsError(f"--docs should name the folder of the documentation, but {asked.docs} is none")
-    stamp = datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
-    folder = asked.out or Path("runs") / f"{SUITE}-{stamp}"
+    if asked.resume and asked.out is None:
+        raise SettingsError("--resume continues a run folder: name it with --out")
+    folder = asked.out or new_folder(SUITE)
     flags = [f"--{settings.source}"] if settings.trains else []
     command = " ".join([f"creative-nao evaluate {SUITE}", *flags, f"--seed {settings.seed}"])
     # Progress goes to stderr, so that --json leaves stdout to the figures.

@@ -41,7 +41,7 @@ def test_the_version_is_the_package_version(capsys):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_tells_its_options_with_defaults(name, capsys):
-    assert main([name, "--help"]) == 0
+    assert main([*name.split(), "--help"]) == 0
     text = capsys.readouterr().out
     assert f"usage: creative-nao {name}" in text
     for option in re.findall(r"^. (--[a-z-]+)", text, re.MULTILINE):
@@ -53,6 +53,9 @@ def test_every_command_tells_its_options_with_defaults(name, capsys):
     [
         (["evalute", "quick"], "no command `evalute` (did you mean `evaluate`?)"),
         (["evaluate", "quik"], "(did you mean `quick`?)"),
+        (["agent", "trian"], "no command `agent trian` (did you mean `train`?)"),
+        (["evaluate", "verify"], "creative-nao: evaluate verify: "),
+        (["evaluate", "quick", "--retrain"], "--retrain"),
         (["map", "hlf/0"], "no memory `hlf/0` (did you mean `half/0`?)"),
         (["map", "half/0", "--resolution", "many"], "invalid literal for int() with base 10: 'many'"),
         (["map", "half/0", "--resolution", "1"], "`resolution` should be at least 2, but is 1"),

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from creative_nao.cli import evaluate as command
+from creative_nao.cli import evaluate_results, terminal
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.evaluation.run import Evaluation
 from creative_nao.evaluation.runner import Progress
@@ -61,9 +62,10 @@ def test_the_table_and_the_paths_end_it(evaluated, tmp_path, capsys):
         assert text in out
 
 
-def test_progress_without_a_terminal_is_lines_with_the_time_left(evaluated, tmp_path, capsys):
+def test_progress_without_a_terminal_is_lines_with_the_time_left(evaluated, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(terminal, "PLAIN_EVERY_S", 0.0)
     command.run(command.EvaluateSettings(out=tmp_path))
-    assert "1 of 2 jobs done, about 1 min 15 s left, now: judge random, seed 0" in capsys.readouterr().err
+    assert "jobs: 0/2, now: judge random, seed 0; about 1 min 15 s left" in capsys.readouterr().err
 
 
 def test_json_leaves_stdout_to_the_figures(evaluated, tmp_path, capsys):
@@ -105,11 +107,6 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, tmp_path, capsys):
         ({"agents": "randon"}, NotFoundError, r"no agent `randon` \(did you mean `random`\?\)"),
         ({"agents": "random,random"}, SettingsError, "`agents` should be a list that has `random` only once"),
         ({"agents": " , "}, SettingsError, "`agents` should be a list of at least 1 entries"),
-        ({"suite": "verify"}, SettingsError, "verify: name one result file"),
-        ({"suite": "leaderboard"}, SettingsError, "leaderboard: name the run folders"),
-        ({"suite": "paper", "agents": "random"}, SettingsError, "--agents belongs to suites of agents, not to `paper`"),
-        ({"retrain": True}, SettingsError, "--retrain belongs to `creative-nao evaluate paper`"),
-        ({"files": (Path("x"),)}, SettingsError, "files belong to leaderboard and verify, not to `quick`"),
         ({"demonstrations": Path("x")}, SettingsError, r"`quick` has no \[taught\]"),
         (
             {"suite": "transfer", "demonstrations": Path("nowhere")},
@@ -161,9 +158,14 @@ def verification(holds):
 
 @pytest.mark.parametrize(("holds", "code", "said"), [(True, 0, "holds to the bit"), (False, 1, "does NOT hold: 2 of")])
 def test_verify_says_whether_a_file_holds_by_its_exit_code_too(monkeypatch, capsys, holds, code, said):
-    monkeypatch.setattr("creative_nao.cli.evaluate.verify", lambda *_, **__: verification(holds))
-    settings = command.EvaluateSettings(suite="verify", files=(Path("results.json"),))
-    assert command.run(settings) == code
+    monkeypatch.setattr(evaluate_results, "verify", lambda *_, **__: verification(holds))
+    settings = evaluate_results.VerifySettings(Path("results.json"))
+    assert evaluate_results.run(settings) == code
     assert said in capsys.readouterr().out
-    assert command.run(dataclasses.replace(settings, json=True)) == code
+    assert evaluate_results.run(dataclasses.replace(settings, json=True)) == code
     assert json.loads(capsys.readouterr().out)["holds"] is holds
+
+
+def test_a_leaderboard_of_nothing_is_refused():
+    with pytest.raises(SettingsError, match="leaderboard: name run folders"):
+        evaluate_results.run(evaluate_results.LeaderboardSettings())

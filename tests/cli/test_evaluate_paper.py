@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from creative_nao.cli import evaluate, evaluate_paper
-from creative_nao.errors import NotFoundError, SettingsError
+from creative_nao.cli import evaluate_paper
+from creative_nao.errors import SettingsError
 from creative_nao.evaluation.paper.run import Reproduction
 
 FIELDS = ("unlearned_pct", "learned_pct", "appropriateness_pct", "novelty", "diversity", "fluctuating_pct")
@@ -38,7 +38,7 @@ def asked(monkeypatch):
 
 
 def run(**settings):
-    return evaluate.run(evaluate.EvaluateSettings(suite="paper", **settings))
+    return evaluate_paper.run(evaluate_paper.PaperOptions(**settings))
 
 
 def test_the_paper_and_ours_stand_side_by_side(asked, tmp_path, capsys):
@@ -72,17 +72,17 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("settings", "error", "text"),
+    ("settings", "text"),
     [
-        ({"suite": "papr"}, NotFoundError, r"no suite `papr` \(did you mean `paper`\?\)"),
-        ({"suite": "quick", "retrain": True}, SettingsError, "--retrain belongs to `creative-nao evaluate paper`"),
-        ({"suite": "paper", "quick": True, "retrain": True}, SettingsError, "--quick trains its own few networks"),
-        ({"suite": "paper", "resume": True}, SettingsError, "--resume continues a run folder"),
+        ({"quick": True, "retrain": True}, "--quick trains its own few networks"),
+        ({"resume": True}, "--resume continues a run folder"),
+        ({"n_workers": 0}, "`--n-workers` should be at least 1, but is 0"),
+        ({"seed": -1}, "`--seed` should be at least 0, but is -1"),
     ],
 )
-def test_mistakes_are_told_before_anything_starts(settings, error, text):
-    with pytest.raises(error, match=text):
-        evaluate.run(evaluate.EvaluateSettings(**settings))
+def test_mistakes_are_told_before_anything_starts(settings, text):
+    with pytest.raises(SettingsError, match=text):
+        run(**settings)
 
 
 def test_a_documentation_folder_has_to_be_there_before_hours_of_work(asked, tmp_path):
