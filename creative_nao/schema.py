@@ -51,16 +51,16 @@ from creative_nao.storage import MAX_DIGITS, MAX_TEXT_BYTES, as_json, as_text, j
 
 __all__ = [
     "AfterValidator", "Count", "Field", "Index", "JsonObject", "LongText", "Name", "Names", "NonNegative", "PlainName",
-    "Positive", "Seed", "Sha256", "Text", "UnitInterval", "Version1", "Versions", "checked", "dump", "is_plain_name",
-    "is_writable", "load_json", "parse", "record", "save_json",
+    "Positive", "Seed", "Sha256", "Text", "UnitInterval", "Version1", "Versions", "checked", "dump", "load_json",
+    "parse", "record", "save_json",
 ]  # fmt: skip
 
 T = TypeVar("T")
 MAX_KEYS = 10_000
 """Of an object in a file."""
-LONGEST_NAME = 200
+_LONGEST_NAME = 200
 """Characters of a name: of a joint, an action, an agent."""
-LONGEST_TEXT = 20_000
+_LONGEST_TEXT = 20_000
 """Characters of a `LongText`: a command line, a note of several sentences."""
 
 
@@ -73,13 +73,13 @@ def _must(holds: Callable[[Any], object], expected: str) -> AfterValidator:
     return AfterValidator(validate)
 
 
-def is_plain_name(name: str) -> bool:
+def _is_plain_name(name: str) -> bool:
     """Return whether a name may become a file's: nothing in it leads elsewhere, hides the file or cannot be seen."""
     letters = _is_name(name) and not any(mark in name for mark in "/\\:")
     return letters and not name.startswith(".") and name == name.strip()
 
 
-def is_writable(text: str) -> bool:
+def _is_writable(text: str) -> bool:
     """Return whether text can be written as UTF-8: JSON may hold halves of characters."""
     try:
         text.encode()
@@ -95,7 +95,7 @@ def _json_object(value: dict[str, Any]) -> dict[str, Any]:
 
 
 def _is_name(text: str) -> bool:
-    return 0 < len(text) <= LONGEST_NAME and text.isprintable()
+    return 0 < len(text) <= _LONGEST_NAME and text.isprintable()
 
 
 Count = Annotated[int, Field(ge=1)]
@@ -106,16 +106,16 @@ Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 UnitInterval = Annotated[float, Field(ge=0, le=1)]
-Text = Annotated[str, Field(max_length=LONGEST_NAME), _must(is_writable, "text that can be written as UTF-8")]
-LongText = Annotated[str, Field(max_length=LONGEST_TEXT), _must(is_writable, "text that can be written as UTF-8")]
-Name = Annotated[str, _must(_is_name, f"a name of 1 to {LONGEST_NAME} printable characters")]
+Text = Annotated[str, Field(max_length=_LONGEST_NAME), _must(_is_writable, "text that can be written as UTF-8")]
+LongText = Annotated[str, Field(max_length=_LONGEST_TEXT), _must(_is_writable, "text that can be written as UTF-8")]
+Name = Annotated[str, _must(_is_name, f"a name of 1 to {_LONGEST_NAME} printable characters")]
 """Of a joint, an action, an agent."""
 Names = Annotated[
     tuple[Name, ...],
     Field(min_length=1, max_length=1_000),
     _must(lambda names: len(set(names)) == len(names), "a list of different names"),
 ]
-PlainName = Annotated[str, _must(is_plain_name, "a plain name, as of a file")]
+PlainName = Annotated[str, _must(_is_plain_name, "a plain name, as of a file")]
 """One that may become a file's."""
 Sha256 = Annotated[str, _must(re.compile("[0-9a-f]{64}").fullmatch, "a SHA-256 of 64 hexadecimal digits")]
 Versions = Annotated[dict[Text, Text], Field(max_length=1_000)]
@@ -285,7 +285,7 @@ def _record_from(kind: type[T], values: Any) -> T:
         return values
     if not isinstance(values, dict):
         raise ValueError(f"should be a JSON object, but is {shown(values)}")
-    if len(values) > MAX_KEYS or not all(isinstance(key, str) and is_writable(key) for key in values):
+    if len(values) > MAX_KEYS or not all(isinstance(key, str) and _is_writable(key) for key in values):
         raise ValueError(f"should be an object of at most {MAX_KEYS} fields named by text, but is {shown(values)}")
     return kind(**values)
 

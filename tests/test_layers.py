@@ -7,7 +7,7 @@ import pytest
 import structure
 
 PACKAGE = Path(__file__).parents[1] / "creative_nao"
-BASE = {"joints", "errors", "storage", "runtime", "fields", "schema", "arrays"}
+BASE = {"joints", "errors", "storage", "runtime", "schema", "arrays"}
 ORDER = [
     "cli",
     "explorer",
