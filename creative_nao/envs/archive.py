@@ -1,8 +1,8 @@
 """Repertoire archive: basic actions and accepted movements of many robots, and the distances of new ones to them.
 
-The movements that one robot knows lie side by side in lanes, as in `measures._dtw_kernels` and with the same
-expressions, so that a distance has the bits of `measures.dtw_matrix`. One compiled call serves many robots and releases
-the interpreter lock.
+The movements that one robot knows lie side by side in lanes, as the kernel of `measures._dtw_kernels` reads them, so
+that a distance has the bits of `measures.dtw_matrix`. One compiled call serves many robots and releases the interpreter
+lock.
 """
 
 from __future__ import annotations
@@ -13,28 +13,13 @@ import numpy as np
 
 from creative_nao.demonstrations import Demonstrations
 from creative_nao.measures import reward_scale
-from creative_nao.measures._dtw_kernels import BORDER, fill_row
+from creative_nao.measures._dtw_kernels import against_one
 from creative_nao.model.simd import compiled
 
 LANES = 8
 """Lanes are compared in multiples of this: one 512-bit register of float64."""
 INITIAL_LANES = 40
 """Lanes that an archive has at first: six basic actions and an episode of thirty fit."""
-
-
-@compiled()
-def _distances_to(x, width, n_steps, y, rows, squares, out):
-    """Distances of the first `width` lanes of x (ticks, joints, lanes), each `n_steps` long, to y (m, joints)."""
-    m = y.shape[0]
-    rows[:, : m + 1, :width] = BORDER
-    rows[0, 0, :width] = 0
-    for i in range(x.shape[0]):
-        before, now = rows[i & 1], rows[1 - (i & 1)]
-        fill_row(x[i], y, before, now, squares, 0, width)
-        before[0, :width] = BORDER  # only the very first cell may be entered from outside
-        for v in range(width):
-            if n_steps[v] == i + 1:
-                out[v] = now[m, v]
 
 
 @compiled()
@@ -52,7 +37,7 @@ def _compare_kernel(env_ids, trajectories, known, n_steps, sizes, out):
         env_id = env_ids[k]
         width = (sizes[env_id] + LANES - 1) // LANES * LANES
         y[:, :n_joints] = trajectories[k]
-        _distances_to(known[env_id], width, n_steps[env_id], y, rows, squares, out[k])
+        against_one(known[env_id], width, n_steps[env_id], False, y, 0, rows, squares, out[k])
         out[k, sizes[env_id] :] = np.inf
 
 

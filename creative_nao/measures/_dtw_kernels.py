@@ -143,22 +143,23 @@ def fill_row(p, y, before, now, squares, first, last):
 
 
 @compiled()
-def _against_one(x, n_steps, y, start, rows, squares, out):
-    """Fill `out` (lanes,) with the distances of the lanes from `start` on to one trajectory.
+def against_one(x, width, n_steps, sorted_lanes, y, start, rows, squares, out):
+    """Fill `out` (lanes,) with the distances of the lanes from `start` up to `width` to one trajectory.
 
-    x: (ticks, joints, lanes) side by side; n_steps: (lanes,) their lengths, rising; y: (m, joints) the other;
-    rows: (2, m + 1 or more, lanes) and squares: (lanes,) working memory.
+    x: (ticks, joints, lanes) side by side; n_steps: (lanes,) their lengths; sorted_lanes: whether these rise, so that
+    lanes which are done can be left out; y: (m, joints) the other; rows: (2, m + 1 or more, lanes) and squares:
+    (lanes,) working memory.
     """
     m = y.shape[0]
-    rows[:, : m + 1] = BORDER
-    rows[0, 0] = 0
+    rows[:, : m + 1, :width] = BORDER
+    rows[0, 0, :width] = 0
     for i in range(x.shape[0]):
-        while start + STEP < x.shape[2] and n_steps[start + STEP - 1] <= i:  # these lanes are done
+        while sorted_lanes and start + STEP < width and n_steps[start + STEP - 1] <= i:
             start += STEP
         before, now = rows[i & 1], rows[1 - (i & 1)]
-        fill_row(x[i], y, before, now, squares, start, x.shape[2])
-        before[0] = BORDER  # only the very first cell may be entered from outside
-        for v in range(np.uint64(start), np.uint64(x.shape[2])):
+        fill_row(x[i], y, before, now, squares, start, width)
+        before[0, :width] = BORDER  # only the very first cell may be entered from outside
+        for v in range(np.uint64(start), np.uint64(width)):
             if n_steps[v] == i + 1:
                 out[v] = now[m, v]
 
@@ -185,7 +186,7 @@ def _batch(first, lanes, xs, x_offset, x_order, ys, y_offset, y_order, symmetric
         start = max(0, place + 1 - first) // STEP * STEP if symmetric else 0
         if start < count:
             y = ys[y_offset[b] : y_offset[b + 1]]
-            _against_one(x, n_steps, y, start, rows, squares, distances)
+            against_one(x, width, n_steps, True, y, start, rows, squares, distances)
             for lane in range(start, count):
                 if not symmetric or first + lane > place:
                     out[x_order[first + lane], b] = distances[lane]
