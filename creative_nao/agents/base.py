@@ -13,12 +13,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from gymnasium.spaces import Box
 
-from creative_nao.errors import CreativeNaoError, MissingDependencyError, ShapeError
+from creative_nao.errors import CreativeNaoError, MissingDependencyError, SettingsError, ShapeError, shown
 
 
 class AgentOrderError(CreativeNaoError, RuntimeError):
@@ -70,6 +70,10 @@ class Agent(ABC):
     _n_asked = 0
     _waits_for_tell = False
 
+    def __repr__(self) -> str:
+        settings = getattr(self, "settings", None)
+        return f"{type(self).__name__}({'' if settings is None else repr(settings)}) named `{self.name}`"
+
     @property
     def context(self) -> Context:
         """The context of the running episode.
@@ -82,8 +86,12 @@ class Agent(ABC):
         return self._context
 
     def begin(self, context: Context) -> None:
-        """Start an episode; whatever the agent kept of the one before is gone, save what it learned in training."""
-        self._context, self._n_asked, self._waits_for_tell = context, 0, False
+        """Start an episode; whatever the agent kept of the one before is gone, save what it learned in training.
+
+        Raises:
+            SettingsError: If it is no context.
+        """
+        self._context, self._n_asked, self._waits_for_tell = check_kind(context, Context, "context"), 0, False
         self.start(context)
 
     def ask(self, observation: np.ndarray) -> np.ndarray:
@@ -109,10 +117,15 @@ class Agent(ABC):
                 f"agent `{self.name}`: the budget of {context.n_actions} generated actions is spent; "
                 "call `begin(context)` for another episode"
             )
-        pb = np.asarray(self.choose(observation), dtype=np.float32)
-        if not context.action_space.contains(pb):
+        chosen = self.choose(observation)
+        try:
+            pb = np.asarray(chosen, dtype=np.float32)
+        except (TypeError, ValueError):
+            pb = None
+        if pb is None or not context.action_space.contains(pb):
             raise ShapeError(
-                f"agent `{self.name}` should choose a PB vector inside {context.action_space}, but chose {pb.tolist()}"
+                f"agent `{self.name}` should choose a PB vector inside {context.action_space}, but chose "
+                f"{shown(chosen if pb is None else pb.tolist())}"
             )
         self._n_asked += 1
         self._waits_for_tell = True
@@ -249,6 +262,8 @@ class PolicyAgent(Agent):
     name: ClassVar[str] = "policy"
 
     def __init__(self, policy: Policy, *, deterministic: bool = True, name: str | None = None):
+        if not callable(getattr(policy, "predict", None)):
+            raise SettingsError(f"`policy` should have a method `predict`, but is {shown(policy)}")
         self.policy = policy
         self.deterministic = deterministic
         if name is not None:
@@ -273,6 +288,29 @@ class PolicyAgent(Agent):
             torch.manual_seed(int(self.context.rng.integers(2**63)))
             action, self._state = self.policy.predict(observation, self._state, episode_start, deterministic=False)
         return action
+
+
+T = TypeVar("T")
+
+
+def check_kind(value: Any, kind: type[T], name: str) -> T:
+    """Return an argument that has to be of a class.
+
+    Raises:
+        SettingsError: Naming the argument.
+    """
+    if not isinstance(value, kind):
+        raise SettingsError(f"`{name}` should be of the class {kind.__name__}, but is {shown(value)}")
+    return value
+
+
+def settings_or_default(settings: T | None, kind: type[T]) -> T:
+    """Return the settings of an agent, or the default ones.
+
+    Raises:
+        SettingsError: If they are those of another agent.
+    """
+    return kind() if settings is None else check_kind(settings, kind, "settings")
 
 
 def require_extra(*, package: str, extra: str, agent: str) -> None:

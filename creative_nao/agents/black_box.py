@@ -12,7 +12,15 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from creative_nao.agents.base import Agent, BatchSearch, Context, MovementAgent, load_extra, require_extra
+from creative_nao.agents.base import (
+    Agent,
+    BatchSearch,
+    Context,
+    MovementAgent,
+    load_extra,
+    require_extra,
+    settings_or_default,
+)
 from creative_nao.errors import SettingsError
 from creative_nao.maps import PAPER_RESOLUTION, pb_grid, pb_map
 from creative_nao.measures import farthest_points
@@ -103,7 +111,7 @@ class ReplayAgent(MovementAgent):
     name: ClassVar[str] = "replay"
 
     def __init__(self, settings: ReplaySettings | None = None):
-        self.settings = settings or ReplaySettings()
+        self.settings = settings_or_default(settings, ReplaySettings)
 
     def start(self, context: Context) -> None:
         """Read the learned PB vectors.
@@ -155,7 +163,7 @@ class CmaEsAgent(BatchSearch):
 
     def __init__(self, settings: CmaEsSettings | None = None):
         require_extra(package="cmaes", extra="search", agent=self.name)
-        self.settings = settings or CmaEsSettings()
+        self.settings = settings_or_default(settings, CmaEsSettings)
 
     def prepare(self, context: Context, seed: int) -> None:
         """Set the distribution up."""
@@ -205,7 +213,7 @@ class BayesianAgent(MovementAgent):
 
     def __init__(self, settings: BayesianSettings | None = None):
         require_extra(package="optuna", extra="bayes", agent=self.name)
-        self.settings = settings or BayesianSettings()
+        self.settings = settings_or_default(settings, BayesianSettings)
 
     def start(self, context: Context) -> None:
         """Begin with an empty study."""
@@ -271,7 +279,7 @@ class OracleAgent(MovementAgent):
     """The last plan made, of any oracle: repetitions of an episode chart their memory once."""
 
     def __init__(self, settings: OracleSettings | None = None):
-        self.settings = settings or OracleSettings()
+        self.settings = settings_or_default(settings, OracleSettings)
 
     def start(self, context: Context) -> None:
         """Compute the map, unless the last episode of an oracle was one of the same memory.

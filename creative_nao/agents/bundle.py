@@ -17,6 +17,7 @@ from gymnasium.spaces import Box
 from pydantic import BeforeValidator
 
 from creative_nao.agents.algorithms import find_algorithm, nets_of
+from creative_nao.agents.base import check_kind
 from creative_nao.agents.play import Score, evaluate_policy
 from creative_nao.agents.settings import Hyperparameters, PPOSettings, check_entry, resolve_policy_kwargs
 from creative_nao.arrays import load_tensors, save_tensors
@@ -27,6 +28,7 @@ from creative_nao.errors import (
     NotFoundError,
     SettingsError,
     nearest_name,
+    shown,
 )
 from creative_nao.runtime import versions
 from creative_nao.schema import Field, Index, LongText, Version1, Versions, parse, record
@@ -60,7 +62,10 @@ def find_bundle(name: str | os.PathLike[str]) -> Path:
 
     Raises:
         NotFoundError: If there is neither; the message offers the nearest name.
+        SettingsError: If it is neither text nor a path.
     """
+    if not isinstance(name, str | os.PathLike):
+        raise SettingsError(f"a bundle should be a shipped name or a path, but is {shown(name)}")
     text = os.fspath(name)
     names = shipped_agents()
     if text in names:
@@ -181,7 +186,7 @@ class TrainedPolicy:
 
 def save_bundle(path: str | Path, header: BundleHeader, policy: BasePolicy) -> Path:
     """Write a policy and its header to `path` in one step and return the path."""
-    settings = header.settings
+    settings = check_kind(header, BundleHeader, "header").settings
     described: dict[str, Any] = {"format_version": FORMAT_VERSION, "agent": header.agent}
     if isinstance(settings, PPOSettings):
         described |= {"settings": dataclasses.asdict(settings)}

@@ -16,9 +16,9 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 from pydantic import Field
 
-from creative_nao.agents.base import Agent, Context, Policy, PolicyAgent
+from creative_nao.agents.base import Agent, Context, Policy, PolicyAgent, check_kind
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
-from creative_nao.schema import Index, LongText, dump, record
+from creative_nao.schema import Index, LongText, checked, dump, record
 
 MEASURES = ("appropriateness_pct", "novelty", "diversity")
 """What `info["episode_measures"]` tells at the end of an episode."""
@@ -74,6 +74,10 @@ class Score:
     deterministic: bool
     episodes: Annotated[tuple[PlayedEpisode, ...], Field(min_length=1, max_length=100_000)]
 
+    def __repr__(self) -> str:
+        how = "most likely actions" if self.deterministic else "drawn actions"
+        return f"<score in {self.env}: mean reward {self.mean:.2f} of {len(self.episodes)} episodes, {how}>"
+
     @property
     def mean(self) -> float:
         """Mean reward of an episode."""
@@ -122,6 +126,8 @@ def play_episode(
     Raises:
         SettingsError: If the spaces are no boxes, or the episode is shorter or longer than `n_actions`.
     """
+    check_kind(agent, Agent, "agent")
+    check_kind(env, gym.Env, "env")
     if not isinstance(env.action_space, Box) or not isinstance(env.observation_space, Box):
         raise SettingsError(f"environment {env} should have Box spaces, but has {env.action_space}")
     observation, _ = env.reset(seed=seed)
@@ -164,7 +170,9 @@ def evaluate_agent(
         SettingsError: If its spaces are no boxes.
     """
     episodes: list[PlayedEpisode] = []
-    for memory in memories:
+    seeds = checked(tuple[Index, ...], tuple(seeds) if isinstance(seeds, Iterable) else seeds, "seeds")
+    named = tuple(memories) if isinstance(memories, Iterable) and not isinstance(memories, str) else memories
+    for memory in checked(tuple[LongText, ...], named, "memories"):
         env = make_env(env_id, memory=memory)
         try:
             for seed in seeds:
@@ -214,7 +222,7 @@ def check_env(env_id: str) -> EnvSpec:
         NotFoundError: If there is none of this name; the message offers the nearest.
     """
     try:
-        return gym.spec(env_id)
+        return gym.spec(checked(str, env_id, "env_id"))
     except (gym.error.Error, ImportError) as error:
         from creative_nao.envs import ENVIRONMENTS
 

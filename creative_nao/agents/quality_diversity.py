@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from creative_nao.agents.base import BatchSearch, Context, load_extra, require_extra
+from creative_nao.agents.base import BatchSearch, Context, load_extra, require_extra, settings_or_default
 from creative_nao.errors import SettingsError
 from creative_nao.schema import Count, Field, NonNegative, Positive, record
 
@@ -179,7 +179,7 @@ class CmaMeAgent(ArmArchiveSearch):
     name: ClassVar[str] = "cma_me"
 
     def __init__(self, settings: CmaMeSettings | None = None):
-        super().__init__(settings or CmaMeSettings())
+        super().__init__(settings_or_default(settings, CmaMeSettings))
 
     def build_emitter(self, emitters: ModuleType, archive: Any, context: Context, seed: np.random.SeedSequence) -> Any:
         """Return the evolution strategy, ranked by improvement of the archive."""
@@ -227,7 +227,7 @@ class MapElitesAgent(ArmArchiveSearch):
     name: ClassVar[str] = "map_elites"
 
     def __init__(self, settings: MapElitesSettings | None = None):
-        super().__init__(settings or MapElitesSettings())
+        super().__init__(settings_or_default(settings, MapElitesSettings))
 
     def build_emitter(self, emitters: ModuleType, archive: Any, context: Context, seed: np.random.SeedSequence) -> Any:
         """Return the emitter that varies elites drawn from the archive."""
@@ -279,7 +279,7 @@ class NoveltySearchAgent(BatchSearch):
 
     def __init__(self, settings: NoveltySearchSettings | None = None):
         _require_ribs(self.name)
-        self.settings = settings or NoveltySearchSettings()
+        self.settings = settings_or_default(settings, NoveltySearchSettings)
 
     def prepare(self, context: Context, seed: int) -> None:
         """Begin with nothing: the first movements show how many joints the descriptor has."""

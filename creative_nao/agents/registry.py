@@ -24,7 +24,8 @@ from creative_nao.agents.black_box import (
 )
 from creative_nao.agents.bundle import TrainedPolicy, find_bundle, load_bundle, shipped_agents
 from creative_nao.agents.quality_diversity import CmaMeAgent, MapElitesAgent, NoveltySearchAgent
-from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.errors import NotFoundError, SettingsError, nearest_name, shown
+from creative_nao.schema import checked
 
 
 class FunctionAgent(Agent):
@@ -42,6 +43,8 @@ class FunctionAgent(Agent):
     name: ClassVar[str] = "function"
 
     def __init__(self, function: Callable[[np.ndarray], Any], *, name: str | None = None):
+        if not callable(function):
+            raise SettingsError(f"`function` should be callable, but is {shown(function)}")
         self.function = function
         if name is not None:
             self.name = name  # pyright: ignore[reportAttributeAccessIssue]
@@ -94,6 +97,9 @@ class AgentPolicy:
     """
 
     def __init__(self, make_agent: Callable[[], Agent], make_context: Callable[[], Context]):
+        for argument, name in ((make_agent, "make_agent"), (make_context, "make_context")):
+            if not callable(argument):
+                raise SettingsError(f"`{name}` should be callable, but is {shown(argument)}")
         agent = make_agent()
         if agent.learns_within_episode:
             raise SettingsError(
@@ -162,7 +168,7 @@ def load_entry_point(name: str) -> Agent:
         NotFoundError: If there is no such module or factory; the message offers the nearest name.
         SettingsError: If the name has another form, or what it names is no factory of an agent.
     """
-    if not is_entry_point(name):
+    if not isinstance(name, str) or not is_entry_point(name):
         raise SettingsError(f"an agent of your own is named `package.module:factory`, but this is `{name}`")
     module_name, _, path = name.partition(":")
     found: Any = _module(module_name, name)
@@ -235,6 +241,7 @@ def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
         SettingsError: If a trained agent lacks its bundle, or a factory makes no agent.
         FileFormatError: If the bundle is damaged.
     """
+    name = checked(str, name, "name")
     if bundle is None and name not in NAMES:
         if name in shipped_agents() or Path(name).is_file():
             return _trained(load_bundle(name))

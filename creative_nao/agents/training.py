@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from creative_nao.agents.algorithms import find_algorithm
-from creative_nao.agents.base import PolicyAgent
+from creative_nao.agents.base import PolicyAgent, check_kind
 from creative_nao.agents.play import check_env, evaluate_agent
 from creative_nao.agents.resume import TrainingRecord, load_checkpoint
 from creative_nao.agents.settings import Hyperparameters, PPOSettings, resolve_policy_kwargs, schedule
 from creative_nao.errors import FileFormatError, MissingDependencyError, SettingsError
 from creative_nao.model import SPLITS, split_memories
-from creative_nao.schema import Count, Field, Index, LongText, dump, record
+from creative_nao.schema import Count, Field, Index, LongText, checked, dump, record
 
 if TYPE_CHECKING:
     from stable_baselines3.common.policies import BasePolicy
@@ -97,6 +97,7 @@ def make_model(chosen: Hyperparameters, env_id: str, *, seed: int, env_kwargs: d
         MissingDependencyError: If the algorithm's package is not installed.
         SettingsError: If the algorithm refuses a setting.
     """
+    checked(Index, seed, "seed")
     import gymnasium as gym
     import torch
     from stable_baselines3.common.monitor import Monitor
@@ -109,7 +110,7 @@ def make_model(chosen: Hyperparameters, env_id: str, *, seed: int, env_kwargs: d
     torch.set_num_threads(1)  # networks this small gain nothing from more, and lose much on busy cores
     try:
         # One in a module, `module:Name-v0`, is unknown until it is made.
-        if ":" not in env_id and check_env(env_id).vector_entry_point is not None:
+        if ":" not in checked(str, env_id, "env_id") and check_env(env_id).vector_entry_point is not None:
             native: Any = SB3VecEnv(env_id, chosen.n_envs, n_threads=1, **env_kwargs)
             envs: Any = VecMonitor(FlippedSwappedAxes(native) if chosen.augment else native)
         else:
@@ -172,7 +173,7 @@ def train_agent(
         )
     from creative_nao.agents.callbacks import TrainingCallback
 
-    chosen = plan.hyperparameters
+    chosen = check_kind(plan, TrainingPlan, "plan").hyperparameters
     on_policy = find_algorithm(chosen.algorithm).on_policy
     told, state = TrainingRecord(), None
     if resume and checkpoint is not None and checkpoint.is_file():
@@ -237,7 +238,7 @@ def train_ppo(
     """
     from creative_nao.agents.callbacks import EpisodeRecorder
 
-    told, n_planned = TrainingRecord(), settings.n_generated
+    told, n_planned = TrainingRecord(), check_kind(settings, PPOSettings, "settings").n_generated
     report = None if progress is None else lambda n_done: progress(n_done, n_planned)
     model = make_model(settings.as_hyperparameters(), env_id, seed=seed, env_kwargs=env_kwargs or {})
     try:

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from creative_nao.agents import BundleHeader, TrainedPolicy, load_agent, make_agent, save_bundle
-from creative_nao.agents.algorithms import ALGORITHMS, CELL_POLICY, CELL_SAC_POLICY
+from creative_nao.agents.algorithms import CELL_POLICY, CELL_SAC_POLICY
 from creative_nao.agents.bundle import replay
 from creative_nao.agents.play import evaluate_agent, evaluate_policy
-from creative_nao.agents.resume import KIND
+from creative_nao.agents.resume import KIND, PRIVATE_NAMES, load_checkpoint, save_checkpoint
 from creative_nao.agents.settings import AUGMENTATION, check_entry
-from creative_nao.agents.training import TrainingPlan, train_agent
+from creative_nao.agents.training import TrainingPlan, make_model, train_agent
 from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 
@@ -66,11 +66,24 @@ def state_of(path):
     return header, arrays
 
 
-@pytest.mark.parametrize(
-    ("algorithm", "entries"),
-    [*((one, ENTRIES) for one in ALGORITHMS), *((one, CELL_ENTRIES) for one in CELL_ENTRIES)],
-    ids=[*ALGORITHMS, *(f"{one} over cells, augmented" for one in CELL_ENTRIES)],
-)
+EVERYDAY = ("ppo", "sac over cells, augmented")
+"""An on-policy and an off-policy algorithm; the others of `CASES` are trained nightly."""
+CASES = [
+    pytest.param(name, entries, id=label, marks=() if label in EVERYDAY else pytest.mark.slow)
+    for entries, ending in ((ENTRIES, ""), (CELL_ENTRIES, " over cells, augmented"))
+    for name in entries
+    for label in (name + ending,)
+]
+
+
+@pytest.fixture(scope="session")
+def trained(tmp_path_factory):
+    """A tiny PPO, trained once: its policy, record and checkpoint."""
+    checkpoint = tmp_path_factory.mktemp("trained") / "checkpoint"
+    return *train_agent(plan("ppo"), checkpoint=checkpoint), checkpoint
+
+
+@pytest.mark.parametrize(("algorithm", "entries"), CASES)
 def test_a_resumed_training_equals_an_uninterrupted_one_bit_for_bit(algorithm, entries, tmp_path):
     chosen = plan(algorithm, entries)
     whole, broken = tmp_path / "whole", tmp_path / "broken"
@@ -92,6 +105,15 @@ def test_a_resumed_training_equals_an_uninterrupted_one_bit_for_bit(algorithm, e
         assert np.array_equal(array, other[1][name]), name
 
 
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_what_resuming_reads_of_stable_baselines3_is_there(algorithm):
+    chosen = check_entry(algorithm, ENTRIES[algorithm], "test")
+    model = make_model(chosen, ENV, seed=0, env_kwargs={"memory": "half/10"})
+    assert [name for name in PRIVATE_NAMES if not hasattr(model, name)] == []
+    model.get_env().close()
+
+
+@pytest.mark.slow
 def test_state_dependent_noise_is_resumed_too(tmp_path):
     entry = {**ENTRIES["ppo"], "use_sde": True}
     chosen = dataclasses.replace(plan("ppo"), hyperparameters=check_entry("ppo", entry, "test"))
@@ -100,14 +122,13 @@ def test_state_dependent_noise_is_resumed_too(tmp_path):
     assert train_agent(chosen, checkpoint=tmp_path / "broken", resume=True)[1].episode_rewards == record.episode_rewards
 
 
-def test_the_seed_decides_the_training():
-    records = [train_agent(plan("sac", seed=seed))[1] for seed in (1, 1, 2)]
-    assert records[0].episode_rewards == records[1].episode_rewards
-    assert records[0].episode_rewards != records[2].episode_rewards
+def test_the_seed_decides_the_training(trained):
+    """That the same seed gives the same training is what the test of resuming shows."""
+    assert train_agent(plan("ppo", seed=1))[1].episode_rewards != trained[1].episode_rewards
 
 
-def test_the_best_weights_are_kept():
-    policy, record = train_agent(plan("ppo"))
+def test_the_best_weights_are_kept(trained):
+    policy, record, _ = trained
     best = 1 + int(np.argmax([np.mean(one) for one in record.evaluations[1:]]))
     assert best > 0
     from creative_nao.agents import PolicyAgent
@@ -116,18 +137,26 @@ def test_the_best_weights_are_kept():
     assert (played[0].reward,) == record.evaluations[best]
 
 
-def test_a_checkpoint_of_another_plan_is_refused_by_name(tmp_path):
-    path = tmp_path / "checkpoint"
-    train_agent(plan("ppo"), checkpoint=path)
+def test_a_checkpoint_of_another_plan_is_refused_by_name(trained):
+    path = trained[2]
     with pytest.raises(SettingsError, match="of a training with another `seed`; give the same settings"):
         train_agent(plan("ppo", seed=7), checkpoint=path, resume=True)
 
 
-def test_a_damaged_checkpoint_is_named(tmp_path):
-    path = tmp_path / "checkpoint"
-    train_agent(plan("ppo"), checkpoint=path)
-    header, arrays = load_tensors(path, kind=KIND)
+def test_a_checkpoint_of_release_0_1_0_names_its_policy_otherwise(trained):
+    """The released name of a policy over cells is that of the present one: the plans are the same."""
+    told, state = load_checkpoint(trained[2], plan("ppo").as_json())
+    chosen = plan("ppo", CELL_ENTRIES).as_json()
+    path = trained[2].with_name("released")
+    released = {**chosen["hyperparameters"], "policy": "creative_nao.agents.cell_policy.CellPolicy"}
+    save_checkpoint(path, {**chosen, "hyperparameters": released}, told, state)
+    assert load_checkpoint(path, chosen)[0].episode_rewards == told.episode_rewards
+
+
+def test_a_damaged_checkpoint_is_named(trained, tmp_path):
+    header, arrays = load_tensors(trained[2], kind=KIND)
     del arrays["state.env.1.observation"]
+    path = tmp_path / "damaged"
     save_tensors(path, kind=KIND, header=header, tensors=arrays)
     with pytest.raises(FileFormatError, match="training state: its environments do not fit this training"):
         train_agent(plan("ppo"), checkpoint=path, resume=True)
@@ -141,12 +170,8 @@ def test_no_training_sees_a_test_memory(memory):
         dataclasses.replace(plan("ppo"), judged_memory=memory)
 
 
-@pytest.fixture(
-    params=[*((one, ENTRIES) for one in sorted(ALGORITHMS)), *((one, CELL_ENTRIES) for one in CELL_ENTRIES)],
-    ids=[*sorted(ALGORITHMS), *(f"{one} over cells, augmented" for one in CELL_ENTRIES)],
-)
-def scored_bundle(request, tmp_path):
-    algorithm, entries = request.param
+@pytest.mark.parametrize(("algorithm", "entries"), CASES)
+def test_a_bundle_replays_its_recorded_score_exactly(algorithm, entries, tmp_path):
     chosen = plan(algorithm, entries)
     policy, _ = train_agent(chosen)
     header = BundleHeader(
@@ -154,39 +179,22 @@ def scored_bundle(request, tmp_path):
         command="the command",
     )  # fmt: skip
     score = evaluate_policy(TrainedPolicy(header, policy), ENV, ("half/10", "open/10"), (0, 1), deterministic=False)
-    return save_bundle(tmp_path / "agent", dataclasses.replace(header, score=score), policy)
+    path = save_bundle(tmp_path / "agent", dataclasses.replace(header, score=score), policy)
 
-
-def test_a_bundle_replays_its_recorded_score_exactly(scored_bundle, request):
-    loaded = load_agent(scored_bundle)
+    loaded = load_agent(path)
     assert loaded.header.score is not None
     assert loaded.header.command == "the command"
-    assert loaded.header.settings.augment == ("cells" in request.node.callspec.id)
+    assert loaded.header.settings.augment == (entries is CELL_ENTRIES)
     assert replay(loaded) == loaded.header.score
-    agent = make_agent(loaded.header.agent, scored_bundle)
-    assert make_agent(str(scored_bundle)).name == agent.name == loaded.header.agent
+    agent = make_agent(loaded.header.agent, path)
+    assert make_agent(str(path)).name == agent.name == loaded.header.agent
     assert not agent.deterministic
-    with load_agent_changed(loaded):
-        assert replay(loaded) != loaded.header.score
+    loaded.policy.load_state_dict({name: tensor + 0.5 for name, tensor in loaded.policy.state_dict().items()})
+    assert replay(loaded) != loaded.header.score, "the replay can fail"
 
 
-class load_agent_changed:  # noqa: N801 - used like a function
-    """While inside, the policy's weights are others: shows that the replay can fail."""
-
-    def __init__(self, loaded):
-        self.loaded = loaded
-
-    def __enter__(self):
-        self.kept = {k: v.clone() for k, v in self.loaded.policy.state_dict().items()}
-        self.loaded.policy.load_state_dict({k: v + 0.5 for k, v in self.kept.items()})
-
-    def __exit__(self, *_):
-        self.loaded.policy.load_state_dict(self.kept)
-
-
-def test_a_bundle_without_a_score_says_so(tmp_path):
-    chosen = plan("ppo")
-    policy, _ = train_agent(chosen)
+def test_a_bundle_without_a_score_says_so(trained, tmp_path):
+    chosen, policy = plan("ppo"), trained[0]
     spaces = policy.observation_space, policy.action_space
     path = save_bundle(
         tmp_path / "a", BundleHeader("ppo", chosen.hyperparameters, ENV, "train", 0, 240, *spaces), policy

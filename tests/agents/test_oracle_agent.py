@@ -35,7 +35,16 @@ def test_the_environment_pays_the_oracle_what_the_map_promises(env, oracle):
     )
 
 
-@pytest.mark.parametrize("name", [name for name in UNTRAINED if name != "oracle"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name, marks=pytest.mark.slow if name in ("cma_me", "map_elites", "novelty_search", "bayesian") else ()
+        )
+        for name in UNTRAINED
+        if name != "oracle"
+    ],
+)
 def test_no_agent_earns_more_than_the_oracle(name, env, oracle):
     """Measured, over an episode. That no first choice earns more than the oracle's is a theorem on its own grid."""
     episode = play(make_agent(name), env, env_id=MENTAL, memory="half/10", seed=0)

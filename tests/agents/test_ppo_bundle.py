@@ -68,7 +68,7 @@ def test_timesteps_round_up_to_whole_rollouts():
         ({"gamma": 1.5}, "`gamma` should be at most 1, but is 1.5"),
         ({"learning_rate": 0.0}, "`learning_rate` should be above 0, but is 0.0"),
         ({"batch_size": 7}, "`batch_size` should divide n_envs"),
-        ({"hidden": ()}, "`hidden` should be a list of at least 1 entry"),
+        ({"hidden": ()}, "`hidden` should be a list of at least 1 entr"),
     ],
 )
 def test_a_setting_out_of_range_is_named(values, text):
