@@ -26,7 +26,7 @@ from creative_nao.cli.terminal import Display
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.demonstrations.resampling import monotone_cubic
 from creative_nao.errors import CreativeNaoError, SettingsError
-from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Entry, Report, label, shipped_bank, wanted_networks
+from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Entry, Report, entry_of, shipped_bank, wanted_networks
 from creative_nao.evaluation.paper.claims import DECIDED_BY_TABLE_I, compare, values_of
 from creative_nao.evaluation.paper.page import publish
 from creative_nao.evaluation.paper.run import add_study
@@ -39,6 +39,7 @@ from creative_nao.measures import Criteria, is_appropriate
 from creative_nao.measures.diversity import N_DRAWS, N_SAMPLES, draw_samples
 from creative_nao.measures.outcome import PAPER_CRITERIA
 from creative_nao.model import Memory, NetworkSettings, TrainingSettings, reproduction, train_many
+from creative_nao.model.training import TrainingState
 from creative_nao.runtime import usable_cores
 from creative_nao.storage import as_json, read_text
 
@@ -261,24 +262,24 @@ def study_training(
     for way in settings.trainings:
         demos = way.demonstrations(load_demonstrations())
         place = folder / "sensitivity" / "training" / way.key
+        entries = {training: entry_of(training, place) for training in settings.networks()}
 
-        def path(training: TrainingSettings, place: Path = place) -> Path:
-            return place / f"{label(training).replace('/', '-')}.safetensors"
+        def show(training: TrainingSettings, state: TrainingState, key: str = way.key, entries: Any = entries) -> None:
+            report(f"{key}: {entries[training].name}", state.epoch, "")
 
         trained = train_many(
-            demos, settings.networks(), _network(way, settings), out=path, resume=True, stop=stop,
-            progress=lambda training, state, way=way: report(f"{way.key}: {label(training)}", state.epoch, ""),
-            command="python studies/sensitivity.py", n_workers=n_workers,
+            demos, list(entries), _network(way, settings), out=lambda training, entries=entries: entries[training].path,
+            resume=True, stop=stop, progress=show, command="python studies/sensitivity.py", n_workers=n_workers,
         )  # fmt: skip
-        done = [(label(one.training), one.memory) for one in trained if one.memory is not None]
+        done = [(entries[one.training], one.memory) for one in trained if one.memory is not None]
 
-        def figures(one: tuple[str, Memory], demos: Demonstrations = demos) -> dict[str, Any]:
-            name, memory = one
+        def figures(one: tuple[Entry, Memory], demos: Demonstrations = demos) -> dict[str, Any]:
+            entry, memory = one
             grid = memory.generate(pb_grid(settings.resolution))
             return {
-                "condition": name.split("/")[0],
+                "condition": entry.condition,
                 "gives_all_back": max(reproduction(memory)) <= SCORINGS[0].criteria.learned_threshold,
-                **rescore(grid, demos, SCORINGS[0], seed_sequence(settings.seed, name)),
+                **rescore(grid, demos, SCORINGS[0], seed_sequence(settings.seed, entry.name)),
             }
 
         networks = in_threads(done, figures, n_workers)
@@ -297,7 +298,8 @@ def study_training(
 
 def epochs_of_training(settings: SensitivitySettings) -> dict[str, int]:
     """Return the epochs of each network that `study_training` trains, by the name under which it is reported."""
-    return {f"{way.key}: {label(one)}": settings.n_epochs for way in settings.trainings for one in settings.networks()}
+    names = [entry_of(training, Path()).name for training in settings.networks()]
+    return {f"{way.key}: {name}": settings.n_epochs for way in settings.trainings for name in names}
 
 
 def order_of(means: Mapping[str, float | None]) -> list[str]:

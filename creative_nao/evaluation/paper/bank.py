@@ -127,10 +127,10 @@ def wanted_networks(n_seeds: int, n_epochs: int, seed: int) -> list[TrainingSett
     ]
 
 
-def label(training: TrainingSettings) -> str:
-    """Return the name of a network to be trained, such as ``half/0``."""
+def entry_of(training: TrainingSettings, folder: Path) -> Entry:
+    """Return the entry of a network to be trained, whose memory is to be written into `folder`."""
     condition = next(name for name, ratio in CONDITIONS.items() if ratio == training.closed_loop_ratio)
-    return f"{condition}/{training.seed}"
+    return Entry(condition, training.seed, folder / f"{condition}-{training.seed}.safetensors")
 
 
 def train_bank(
@@ -156,24 +156,22 @@ def train_bank(
     Raises:
         TrainingError: If every network of a condition failed.
     """
-
-    def path(training: TrainingSettings) -> Path:
-        return folder / "memories" / f"{label(training).replace('/', '-')}.safetensors"
+    wanted = wanted_networks(settings.n_seeds, settings.n_epochs, settings.seed)
+    entries = {training: entry_of(training, folder / "memories") for training in wanted}
 
     def show(training: TrainingSettings, state: TrainingState) -> None:
-        report(label(training), state.epoch, f"loss {state.loss_history[-1]:.3g}")
+        report(entries[training].name, state.epoch, f"loss {state.loss_history[-1]:.3g}")
 
     trained = train_many(
-        load_demonstrations(), wanted_networks(settings.n_seeds, settings.n_epochs, settings.seed), settings.network,
-        out=path, resume=True, progress=show, stop=stop, n_workers=n_workers,
+        load_demonstrations(), wanted, settings.network, out=lambda training: entries[training].path, resume=True,
+        progress=show, stop=stop, n_workers=n_workers,
         command=f"creative-nao evaluate paper --{settings.source} --seed {settings.seed}",
     )  # fmt: skip
-    failures = {label(one.training): one.failure for one in trained if one.failure is not None}
-    done = [one.training for one in trained if one.memory is not None]
-    entries = [Entry(label(one).split("/")[0], one.seed, path(one)) for one in done]
-    if missing := _missing_condition(entries):
+    failures = {entries[one.training].name: one.failure for one in trained if one.failure is not None}
+    bank = [entries[one.training] for one in trained if one.memory is not None]
+    if missing := _missing_condition(bank):
         raise TrainingError(f"no network of the condition {missing} could be trained: {next(iter(failures.items()))}")
-    return sorted(entries, key=lambda entry: (CONDITION_NAMES.index(entry.condition), entry.seed)), failures
+    return sorted(bank, key=lambda entry: (CONDITION_NAMES.index(entry.condition), entry.seed)), failures
 
 
 def _missing_condition(bank: list[Entry]) -> str | None:

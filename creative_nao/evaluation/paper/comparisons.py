@@ -108,8 +108,8 @@ def rate(condition: str, answers: Sequence[bool]) -> Rate:
     """Count the networks of a condition that show something.
 
     Example:
-        >>> found = rate("half", [True] * 10)
-        >>> found.n_yes, round(found.low, 3), found.high
+        >>> counted = rate("half", [True] * 10)
+        >>> counted.n_yes, round(counted.low, 3), counted.high
         (10, 0.722, 1.0)
     """
     return Rate(condition, sum(answers), len(answers), *wilson_interval(sum(answers), len(answers)))

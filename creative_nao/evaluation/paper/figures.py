@@ -74,9 +74,9 @@ def learning_curves(networks: Networks) -> Figure:
         history = mine[0].loss_history
         one.plot(1 + mine[0].loss_every * np.arange(len(history)), history, color=style["color"], linewidth=0.8)
     n_networks = [len(networks[condition]) for condition in CONDITION_NAMES]
-    told = str(n_networks[0]) if len(set(n_networks)) == 1 else " / ".join(map(str, n_networks))
+    counts = str(n_networks[0]) if len(set(n_networks)) == 1 else " / ".join(map(str, n_networks))
     word = "network" if max(n_networks) == 1 else "networks"
-    many.set(yscale="log", xlabel="epoch", ylabel="loss", title=f"Median and range, {told} {word} a condition")
+    many.set(yscale="log", xlabel="epoch", ylabel="loss", title=f"Median and range, {counts} {word} a condition")
     many.locator_params(axis="x", nbins=5)
     many.xaxis.set_major_formatter("{x:,.0f}")
     one.set(xlabel="epoch", title=f"One network each, seed {networks['half'][0].memory.training.seed}")
@@ -288,10 +288,10 @@ def walk(memory: Memory, charted: PBMap) -> Figure:
     for place, panel in enumerate(panels.ravel()):
         nearest = memory.demonstrations.names[scores.nearest[place]]
         letter = action_letter(int(scores.nearest[place]))
-        told = f"{scores.outcome[place].replace('_', '-')}, nearest {letter} {nearest.replace('_', ' ')}"
+        what = f"{scores.outcome[place].replace('_', '-')}, nearest {letter} {nearest.replace('_', ' ')}"
         draw_movement(panel, generated[place], memory.demonstrations)
         where = f"PB {_place(points[place])}, DTW {scores.novelty[place]:.1f}"
-        panel.set_title(f"{place + 1}: {told}\n{where}", fontsize=8.5)
+        panel.set_title(f"{place + 1}: {what}\n{where}", fontsize=8.5)
     for panel in panels[-1]:
         panel.set_xlabel("time [s]")
     right.supylabel("joint angle [rad]", fontsize=10)

@@ -137,7 +137,7 @@ def findings(study: Mapping[str, Any]) -> list[dict[str, Any]]:
         `study`: `scoring` or `training`. `says`: the claim. `titles`: by verdict, the ways in which it is reached.
         `first`: the condition that should have the largest mean, which it has in `n_first` of `n_ways` ways.
     """
-    found = []
+    result = []
     for kind in ("scoring", "training"):
         rows = study[kind]
         for claim in DECIDED_BY_TABLE_I:
@@ -146,7 +146,7 @@ def findings(study: Mapping[str, Any]) -> list[dict[str, Any]]:
                 for verdict in (HOLDS, FAILS, UNDECIDED)
             }
             first = claim.pairs[0][0]
-            found.append({
+            result.append({
                 "study": kind,
                 "says": claim.says,
                 "titles": {verdict: names for verdict, names in titles.items() if names},
@@ -154,7 +154,7 @@ def findings(study: Mapping[str, Any]) -> list[dict[str, Any]]:
                 "n_first": sum(row["order"][claim.field][:1] == [first] for row in rows),
                 "n_ways": len(rows),
             })  # fmt: skip
-    return found
+    return result
 
 
 def to_html(markdown: str, images: Path) -> str:

@@ -17,7 +17,7 @@ from creative_nao.evaluation.paper.bank import (
     Entry,
     PaperSettings,
     Report,
-    label,
+    entry_of,
     shipped_bank,
     train_bank,
     wanted_networks,
@@ -127,7 +127,7 @@ def _bank(folder: Path, settings: PaperSettings, n_workers: int, watch: Watch) -
     if not settings.trains:
         return shipped_bank(), {}
     wanted = wanted_networks(settings.n_seeds, settings.n_epochs, settings.seed)
-    with watch({label(one): one.n_epochs for one in wanted}) as report:
+    with watch({entry_of(one, folder).name: one.n_epochs for one in wanted}) as report:
         return train_bank(folder, settings, n_workers=n_workers, report=report)
 
 

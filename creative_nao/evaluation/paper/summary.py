@@ -10,9 +10,8 @@ import csv
 import io
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -96,7 +95,7 @@ def measure(memory: Memory, name: str, settings: PaperSettings) -> tuple[dict[st
     # What the map knows of its points is enough for the table, which needs no distances to all actions.
     scores = Scores(charted.outcome, charted.distance, charted.nearest, charted.distance[:, None], charted.appropriate)
     figures = table(charted.trajectories, memory.demonstrations, rng=rng, scores=scores)
-    back = reproduction(memory)
+    back, shape = reproduction(memory), landscape(charted)
     return {
         "n_epochs": memory.training.n_epochs,
         "first_loss": float(memory.loss_history[0]),
@@ -114,7 +113,11 @@ def measure(memory: Memory, name: str, settings: PaperSettings) -> tuple[dict[st
         "novelty": figures.novelty.mean if figures.novelty else None,
         "diversity": figures.diversity.mean if figures.diversity else None,
         "region_pct": dict(zip(charted.names, charted.learned_region_pct().tolist(), strict=True)),
-        **shape_figures(charted, memory.demonstrations),
+        "n_regions": shape.n_nearest_regions,
+        "border_length": shape.border_length,
+        "ruggedness": None if shape.ruggedness is None else shape.ruggedness.mean,
+        "evenness": shape.learned_evenness,
+        "steep_step_pct": steep_step_pct(charted, memory.demonstrations),
         **combination_figures(memory, charted, rng),
     }, charted
 
@@ -138,28 +141,6 @@ def unsteadiness(memory: Memory) -> float:
     return float(np.abs(np.diff(np.log10(history.astype(np.float64)))).mean()) if len(history) > 1 else 0.0
 
 
-def shape_figures(charted: PBMap, demos: Demonstrations) -> dict[str, Any]:
-    """Return the figures of a map's shape.
-
-    Args:
-        charted: The map, with trajectories.
-        demos: The basic actions.
-
-    Returns:
-        `n_regions`, `border_length`, `ruggedness`, `evenness`: see `maps.landscape`, its nearest regions, the
-        borders of all colours, the mean over all pairs of neighbours and the evenness of the learned regions.
-        `steep_step_pct`: see the function of this name.
-    """
-    shape = landscape(charted)
-    return {
-        "n_regions": shape.n_nearest_regions,
-        "border_length": shape.border_length,
-        "ruggedness": None if shape.ruggedness is None else shape.ruggedness.mean,
-        "evenness": shape.learned_evenness,
-        "steep_step_pct": steep_step_pct(charted, demos),
-    }
-
-
 def steep_step_pct(charted: PBMap, demos: Demonstrations) -> float:
     """Return the share of steep steps of a map with trajectories [%]; 0 when no two neighbours are usable.
 
@@ -178,8 +159,7 @@ def steep_step_pct(charted: PBMap, demos: Demonstrations) -> float:
     return 100.0 * float(np.mean(dtw_pairs(charted.trajectories, first[usable], second[usable]) > smallest))
 
 
-@dataclass(frozen=True, eq=False)
-class Mixture:
+class Mixture(NamedTuple):
     """A combination of two basic actions.
 
     Attributes:
@@ -295,8 +275,8 @@ def mean_with_interval(values: np.ndarray, *seeds: int | str) -> dict[str, float
     """Return mean, low and high over seeds, shape (n,); None without values. `seeds` decide the bootstrap samples."""
     if not len(values):
         return None
-    found = estimate(values, rng=np.random.default_rng(seed_sequence(*seeds)))
-    return {"mean": found.value, "low": found.low, "high": found.high}
+    mean = estimate(values, rng=np.random.default_rng(seed_sequence(*seeds)))
+    return {"mean": mean.value, "low": mean.low, "high": mean.high}
 
 
 def networks_csv(networks: Sequence[Figures]) -> str:
