@@ -24,11 +24,13 @@ from creative_nao.envs.memory_set import MemoryLike, MemorySet, RewardSpec
 from creative_nao.envs.observation import ObservationBatch, layout, observation_space
 from creative_nao.envs.rollout import RolloutBatch, check_can_pause
 from creative_nao.envs.viewing import Recorder
-from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.errors import ShapeError
 from creative_nao.measures import Criteria
 from creative_nao.measures._outcome_kernel import measure_rows
 from creative_nao.measures.outcome import ALL_OUTCOMES, APPROPRIATE, NO_FAULT, OUTCOME_CODE, outcome_codes
+from creative_nao.model.config import check_kind
 from creative_nao.robot import PhysicalLimits
+from creative_nao.schema import Count, checked
 
 EPISODE_ACTIONS = 30
 """Actions in an episode: the sample size of the paper's measures."""
@@ -102,13 +104,14 @@ class EpisodeBatch:
         render_mode: str | None = None,
         overlay: bool = False,
     ) -> None:
-        if n_actions < 1:
-            raise SettingsError(f"`n_actions` should be at least 1, but is {n_actions}")
-        self.n_actions = n_actions
+        self.n_actions = checked(Count, n_actions, "n_actions")
+        self.criteria = Criteria() if criteria is None else criteria
+        check_kind(Criteria, self.criteria, "criteria")
+        if limits is not None:
+            check_kind(PhysicalLimits, limits, "limits")
         self.shared = SharedScene()
         self.recorder = Recorder(self.shared, render_mode, overlay, n_envs)
         self.threads = ThreadPool(n_threads)
-        self.criteria = Criteria() if criteria is None else criteria
         self.memories = MemorySet(memory, self.criteria)
         first = self.memories.first
         n_basic, joints = first.demonstrations.n_actions, first.demonstrations.joints

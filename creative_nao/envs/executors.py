@@ -15,6 +15,7 @@ from creative_nao.errors import SettingsError
 from creative_nao.joints import JOINTS
 from creative_nao.robot import PhysicalLimits, first_failure
 from creative_nao.runtime import usable_cores
+from creative_nao.schema import Count, checked
 
 if TYPE_CHECKING:
     from creative_nao.robot.performance import Performance
@@ -78,9 +79,7 @@ class ThreadPool:
     """
 
     def __init__(self, n_threads: int | None = None) -> None:
-        if n_threads is not None and n_threads < 1:
-            raise SettingsError(f"`n_threads` should be at least 1 or None, but is {n_threads}")
-        self.n_threads = n_threads or usable_cores()
+        self.n_threads: int = usable_cores() if n_threads is None else checked(Count, n_threads, "n_threads")
         self._executor: ThreadPoolExecutor | None = None
 
     @property

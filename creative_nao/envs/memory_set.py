@@ -5,17 +5,18 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.errors import NotFoundError, SettingsError, nearest_name, shown
 from creative_nao.measures import Criteria, excursion_limit, reward_scale, speed_limits
 from creative_nao.measures.outcome import SPEED_TOLERANCE
 from creative_nao.model import SPLITS, load_memory, split_memories
 
 
+@runtime_checkable
 class GeneratingMemory(Protocol):
     """What an environment needs of a memory: `model.Memory` has it, and so may anything else.
 
@@ -97,6 +98,7 @@ class MemorySet:
 
     Raises:
         NotFoundError: If there is no such memory.
+        SettingsError: If it is no memory.
     """
 
     def __init__(self, memory: MemoryLike, criteria: Criteria) -> None:
@@ -107,6 +109,11 @@ class MemorySet:
             self.first = self._load(self.names[0])
         else:
             loaded = load_memory(memory) if isinstance(memory, str | os.PathLike) else memory
+            if not isinstance(loaded, GeneratingMemory):
+                raise SettingsError(
+                    "`memory` should be a name, a file, or an object with `pb`, `demonstrations` and `generate`, "
+                    f"but is {shown(memory)}"
+                )
             self.first = RewardSpec.of(loaded, criteria)
             self._specs[self.first.name] = self.first
 

@@ -38,6 +38,7 @@ from creative_nao.measures.outcome import (
     outcome_codes,
 )
 from creative_nao.model import Memory
+from creative_nao.model.config import check_kind
 from creative_nao.robot import PhysicalLimits, first_failure
 from creative_nao.runtime import record as provenance
 from creative_nao.schema import (
@@ -261,12 +262,16 @@ def physical_map(
         SettingsError: If the memory does not suit, or the checkpoint belongs to other settings.
         FileFormatError: If the checkpoint is torn or foreign.
     """
+    criteria, limits = criteria or Criteria(), limits or PhysicalLimits()
+    for kind, value, name in (
+        (Memory, memory, "memory"), (Criteria, criteria, "criteria"), (PhysicalLimits, limits, "limits"),
+    ):  # fmt: skip
+        check_kind(kind, value, name)
     if memory.network.n_pb != 2 or memory.joints != JOINTS:
         raise SettingsError(
             f"a physical map needs a memory with n_pb = 2 and the joints {', '.join(JOINTS)}, "
             f"but this one has {memory.network.n_pb} and {', '.join(memory.joints)}"
         )
-    criteria, limits = criteria or Criteria(), limits or PhysicalLimits()
     result = _blank(memory, resolution, criteria, limits)
     if checkpoint is not None and Path(checkpoint).exists():
         result = _continued(result, Path(checkpoint))

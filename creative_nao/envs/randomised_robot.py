@@ -9,6 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from creative_nao.errors import SettingsError
+from creative_nao.model.config import check_kind
 from creative_nao.robot import RobotVariation
 
 
@@ -68,12 +69,14 @@ class RandomisedRobot(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray
 
     def __init__(self, env: gym.Env[np.ndarray, np.ndarray], ranges: VariationRanges | None = None) -> None:
         gym.utils.RecordConstructorArgs.__init__(self, ranges=ranges)
+        check_kind(gym.Env, env, "env")
         gym.Wrapper.__init__(self, env)
         if not hasattr(env.unwrapped, "performer"):
             raise SettingsError(
                 f"only an environment in which a robot performs can vary it, CreativeNao/Boxing-v0, but this is {env}"
             )
-        self.ranges = ranges or VariationRanges()
+        self.ranges = VariationRanges() if ranges is None else ranges
+        check_kind(VariationRanges, self.ranges, "ranges")
         self._rng: np.random.Generator | None = None
 
     def reset(

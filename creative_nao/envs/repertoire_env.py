@@ -14,7 +14,7 @@ from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
 from creative_nao.envs.state import EnvState, generator_from, generator_state
 from creative_nao.envs.viewing import RENDER_MODES
-from creative_nao.errors import ShapeError
+from creative_nao.errors import SettingsError, ShapeError, shown
 from creative_nao.measures import Criteria
 from creative_nao.robot import PhysicalLimits
 
@@ -101,8 +101,8 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         Raises:
             NotFoundError: If the memory in `options` is not of the split that the environment was made with.
         """
-        super().reset(seed=seed, options=options)
-        self._batch.reset(0, (options or {}).get("memory"), lambda: self.np_random)
+        super().reset(seed=seed)
+        self._batch.reset(0, checked_options(options).get("memory"), lambda: self.np_random)
         return self._batch.observations.vector(), {"memory": self._batch.specs[0].name}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -161,9 +161,20 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
             SettingsError: If it is one of another environment, or a part of it does not fit.
             NotFoundError: If its memory is none of this environment's.
         """
-        state.check(self.get_state())
+        EnvState.check(state, self.get_state())  # which also refuses what is no state
         self._batch.set_state(0, state.values, state.arrays)
         self._np_random = generator_from(state.values["random"])
+
+
+def checked_options(options: Any) -> dict[str, Any]:
+    """Return the options of `reset`, an empty dictionary for None.
+
+    Raises:
+        SettingsError: If they are no dictionary.
+    """
+    if not isinstance(options, dict | None):
+        raise SettingsError(f"`options` should be a dictionary or None, but is {shown(options)}")
+    return options or {}
 
 
 def checked_pb(action: Any, shape: tuple[int, ...] | None) -> np.ndarray:

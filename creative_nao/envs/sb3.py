@@ -1,4 +1,4 @@
-"""A native vector environment for Stable-Baselines3, whose own `VecEnv` has another interface.
+"""Adapter of a Gymnasium vector environment to the `VecEnv` interface of Stable-Baselines3.
 
 SB3 is imported with this module, which `creative_nao.envs.SB3VecEnv` loads when first used.
 """
@@ -15,15 +15,15 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
 from creative_nao.errors import SettingsError
 
-_OF_THE_END = ("final_obs", "final_info")
+_END_TERMS = ("final_obs", "final_info")
 
 
 class SB3VecEnv(VecEnv):
-    """Gives a Gymnasium vector environment the interface that the agents of Stable-Baselines3 train on.
+    """Gives a Gymnasium vector environment the interface that the algorithms of Stable-Baselines3 train on.
 
     Args:
         venv: A vector environment with `autoreset_mode` `SAME_STEP`, or the name of a registered environment.
-        num_envs: Number of copies, with a name.
+        num_envs: Number of sub-environments, with a name.
         arguments: Handed to the environment, with a name.
 
     Raises:
@@ -45,18 +45,18 @@ class SB3VecEnv(VecEnv):
         mode = made.metadata.get("autoreset_mode")
         if mode is not AutoresetMode.SAME_STEP:
             raise SettingsError(
-                f"`venv` should have autoreset_mode SAME_STEP, the way of Stable-Baselines3, but has {mode}"
+                f"`venv` should have autoreset_mode SAME_STEP, as Stable-Baselines3 needs it, but has {mode}"
             )
         self.venv = made
         self._actions: np.ndarray | None = None
         super().__init__(made.num_envs, made.single_observation_space, made.single_action_space)
 
     def reset(self) -> np.ndarray:
-        """Begin all episodes; `seed` and `set_options` of before are used up."""
+        """Begin all episodes with the seeds and options set before, which are then used up."""
         seeds: list[int | None] | None = None if all(seed is None for seed in self._seeds) else list(self._seeds)
         options = next((chosen for chosen in self._options if chosen), None)
         observations, infos = self.venv.reset(seed=seeds, options=options)
-        self.reset_infos = [_of_one(infos, k) for k in range(self.num_envs)]
+        self.reset_infos = [_info_of(infos, k) for k in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
         return observations
@@ -66,14 +66,14 @@ class SB3VecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Step; return observations, rewards, ends and one `info` a copy."""
+        """Step; return observations, rewards, ends and one `info` per sub-environment."""
         observations, rewards, terminated, truncated, infos = self.venv.step(self._actions)
         ended = np.logical_or(terminated, truncated)
-        found = [_of_one(infos, k) for k in range(self.num_envs)]
+        found = [_info_of(infos, k) for k in range(self.num_envs)]
         for k in np.flatnonzero(ended):
             begun = found[k]
             found[k] = {
-                **_of_one(infos["final_info"], int(k)),
+                **_info_of(infos["final_info"], int(k)),
                 "terminal_observation": infos["final_obs"][k],
                 "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
             }
@@ -85,19 +85,19 @@ class SB3VecEnv(VecEnv):
         self.venv.close()
 
     def get_images(self) -> Sequence[np.ndarray | None]:
-        """Return a frame of each copy."""
+        """Return a frame of each sub-environment."""
         frames = self.venv.render()
         return list(frames) if frames is not None else [None] * self.num_envs
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return an attribute of the vector environment, the same for every copy asked for."""
+        """Return an attribute of the vector environment, the same for every sub-environment asked for."""
         return [getattr(self.venv, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of the vector environment, for all copies at once.
+        """Set an attribute of the vector environment, for all sub-environments.
 
         Raises:
-            SettingsError: If only some copies are meant.
+            SettingsError: If only some sub-environments are meant.
         """
         self._all(indices, "set_attr")
         setattr(self.venv, attr_name, value)
@@ -105,31 +105,31 @@ class SB3VecEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of the vector environment once, for all copies; its result is returned for each.
+        """Call a method of the vector environment once, for all sub-environments; its result is returned for each.
 
         Raises:
-            SettingsError: If only some copies are meant.
+            SettingsError: If only some sub-environments are meant.
         """
         self._all(indices, "env_method")
         return [getattr(self.venv, method_name)(*method_args, **method_kwargs)] * self.num_envs
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
-        """Tell that no copy is wrapped: copies are rows of arrays."""
+        """Return False for each: sub-environments are rows of arrays, nothing wraps them."""
         return [False for _ in self._get_indices(indices)]
 
     def _all(self, indices: VecEnvIndices, called: str) -> None:
         if len(list(self._get_indices(indices))) != self.num_envs:
-            raise SettingsError(f"`{called}` works on all copies at once, but `indices` is {indices!r}")
+            raise SettingsError(f"`{called}` works on all sub-environments at once, but `indices` is {indices!r}")
 
 
-def _of_one(infos: dict[str, Any], k: int) -> dict[str, Any]:
-    """Return the terms of one copy out of Gymnasium's vector format, as plain values."""
+def _info_of(infos: dict[str, Any], k: int) -> dict[str, Any]:
+    """Return the terms of one sub-environment out of Gymnasium's vector format, as plain values."""
     found: dict[str, Any] = {}
     for name, values in infos.items():
-        if name.startswith("_") or name in _OF_THE_END:
+        if name.startswith("_") or name in _END_TERMS:
             continue
         mask = infos.get(f"_{name}")
         if mask is None or mask[k]:
-            value = _of_one(values, k) if isinstance(values, dict) else values[k]
+            value = _info_of(values, k) if isinstance(values, dict) else values[k]
             found[name] = value.item() if isinstance(value, np.generic) else value
     return found

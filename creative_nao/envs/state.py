@@ -11,6 +11,7 @@ import numpy as np
 
 from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.errors import FileFormatError, SettingsError, shown
+from creative_nao.model.config import check_kind
 from creative_nao.schema import JsonObject, Text, dump, parse, record
 
 KIND = "environment-state"
@@ -53,10 +54,13 @@ class EnvState:
         Raises:
             SettingsError: Naming the part.
         """
+        check_kind(EnvState, self, "state")
+        for part in ("values", "arrays"):
+            check_kind(dict, getattr(self, part), f"state.{part}")
         if self.kind != like.kind:
             raise SettingsError(f"`state` should be one of a {like.kind}, but is one of a {self.kind}")
         for what, mine, theirs in (("values", self.values, like.values), ("arrays", self.arrays, like.arrays)):
-            if odd := sorted(mine.keys() ^ theirs.keys()):
+            if odd := sorted(map(str, mine.keys() ^ theirs.keys())):
                 raise SettingsError(f"`state`: its {what} should be {', '.join(sorted(theirs))}; see `{odd[0][:60]}`")
         for name, example in like.values.items():
             _check_value(name, self.values[name], example)

@@ -17,11 +17,13 @@ from gymnasium.vector.utils import batch_space
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS, EpisodeBatch
 from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
-from creative_nao.envs.repertoire_env import checked_pb
+from creative_nao.envs.repertoire_env import checked_options, checked_pb
 from creative_nao.envs.state import EnvState, generator_from, generator_state
 from creative_nao.errors import SettingsError
 from creative_nao.measures import Criteria
+from creative_nao.model.config import check_kind
 from creative_nao.robot import PhysicalLimits
+from creative_nao.schema import Count, Seed, checked
 
 RENDER_MODES = ("rgb_array", "rgb_array_list", "depth_array")
 
@@ -66,8 +68,7 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         modulated: bool = False,
         limits: PhysicalLimits | None = None,
     ) -> None:
-        if num_envs < 1:
-            raise SettingsError(f"`num_envs` should be at least 1, but is {num_envs}")
+        num_envs = checked(Count, num_envs, "num_envs")
         if render_mode == "human":
             raise SettingsError('`render_mode` "human" opens one window: use it with a single environment')
         try:
@@ -121,12 +122,16 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             SettingsError: If the seeds or the mask do not fit.
             NotFoundError: If there is no such memory in this environment.
         """
-        seeds = seed if isinstance(seed, list) else [None if seed is None else seed + k for k in range(self.num_envs)]
+        if isinstance(seed, list):
+            seeds = seed
+        else:
+            first = checked(Seed | None, seed, "seed")
+            seeds = [None if first is None else first + k for k in range(self.num_envs)]
         if len(seeds) != self.num_envs:
             raise SettingsError(
                 f"`seed` should hold {self.num_envs} seeds, one per sub-environment, but holds {len(seeds)}"
             )
-        chosen = dict(options or {})
+        chosen = dict(checked_options(options))
         mask = np.asarray(chosen.pop("reset_mask", np.ones(self.num_envs, bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
             raise SettingsError(
@@ -237,12 +242,13 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 fit.
             NotFoundError: If a memory is none of this environment's.
         """
+        check_kind(tuple if isinstance(states, tuple) else list, states, "states")
         if len(states) != self.num_envs:
             raise SettingsError(
                 f"`states` should hold {self.num_envs} states, one per sub-environment, but holds {len(states)}"
             )
         for env_id, state in enumerate(states):
-            state.check(self._get_state(env_id))
+            EnvState.check(state, self._get_state(env_id))
             self._batch.set_state(env_id, state.values, state.arrays)
             self._random[env_id] = generator_from(state.values["random"])
             ended = self._batch.n_done[env_id] >= self.n_actions

@@ -165,7 +165,7 @@ def test_other_joints_or_units_are_refused(waves):
         SettingsError, match="a physical map needs a memory with n_pb = 2 and the joints RShoulderPitch"
     ):
         physical_map(train_network(waves, TrainingSettings(n_epochs=1), settings), 2)
-    with pytest.raises(SettingsError, match="`n_threads` should be at least 1 or None, but is 0"):
+    with pytest.raises(SettingsError, match="`n_threads` should be at least 1, but is 0"):
         physical_map(load_memory("half/0"), 2, n_threads=0)
 
 
