@@ -69,12 +69,12 @@ def test_more_fits_than_there_was_room_for(demonstrations):
     assert archive.measures(0, 100)["diversity"] == pytest.approx(expected, rel=1e-12)
 
 
-def test_outcomes_are_those_of_the_measures(tiny_memory):
+def test_outcomes_are_those_of_the_measures(demonstrations):
     """On movements around both lines: some too fast, some that hardly move."""
-    taught = tiny_memory.demonstrations
+    taught = demonstrations
     size = np.geomspace(1e-3, 3.0, 40)[:, None, None]
     new = taught.trajectories[0][:1] + size * (taught.trajectories[0] - taught.trajectories[0][:1])
-    batch = EpisodeBatch(Scripted(tiny_memory, new), 40)
+    batch = EpisodeBatch(Scripted(demonstrations, new), 40)
     scored = batch.step(np.arange(40), np.zeros((40, 2))).finished_terms["outcome"]
     fast, still = is_fluctuating(new, taught), is_non_moving(new, taught)
 
@@ -87,8 +87,9 @@ def test_outcomes_are_those_of_the_measures(tiny_memory):
 class Scripted:
     """A memory that generates the same movements whatever the PB."""
 
-    def __init__(self, memory, movements):
-        self.pb, self.demonstrations, self._movements = memory.pb, memory.demonstrations, movements
+    def __init__(self, demonstrations, movements):
+        self.pb, self.demonstrations = np.zeros((demonstrations.n_actions, 2)), demonstrations
+        self._movements = movements
 
     def generate(self, pb, n_steps=None):
         return self._movements[: len(pb)]
