@@ -17,7 +17,7 @@ import time
 import numpy as np
 
 from creative_nao import load_memory
-from creative_nao.demonstrations import Variation, keyframes, vary
+from creative_nao.demonstrations import GuidanceVariation, keyframes, vary
 from creative_nao.maps import pb_grid
 from creative_nao.measures import dtw, dtw_matrix, score
 from creative_nao.model import Memory, recognition
@@ -55,7 +55,7 @@ def recordings(memory: Memory, n_hands: int, rng: np.random.Generator) -> str:
     rows, right = [], 0
     for _ in range(n_hands):
         for place, name in enumerate(memory.demonstrations.names):
-            target = vary(keyframes(name), Variation(), rng).at(np.arange(memory.n_steps) * memory.dt_s)
+            target = vary(keyframes(name), GuidanceVariation(), rng).at(np.arange(memory.n_steps) * memory.dt_s)
             answer = memory.infer_pb(target)
             basic = memory.demonstrations.trajectories[place]
             right += int(dtw_matrix([answer.trajectory], memory.demonstrations.trajectories).argmin() == place)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from creative_nao import load_memory
-from creative_nao.demonstrations import Variation, keyframes, vary
+from creative_nao.demonstrations import GuidanceVariation, keyframes, vary
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.maps import pb_grid
 from creative_nao.measures import dtw, dtw_matrix, score
@@ -101,7 +101,7 @@ def test_tremor_does_not_lead_far_astray(shipped):
 @pytest.mark.parametrize("action", ["left_jab", "right_uppercut"])
 def test_another_persons_recording_is_met_as_well_as_by_the_whole_map(action):
     memory = load_memory("half/0")
-    hand = vary(keyframes(action), Variation(), np.random.default_rng(5))
+    hand = vary(keyframes(action), GuidanceVariation(), np.random.default_rng(5))
     recording = hand.at(np.arange(50) * memory.dt_s)
 
     found = memory.infer_pb(recording)
