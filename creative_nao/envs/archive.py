@@ -7,12 +7,9 @@ lock.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.measures import reward_scale
 from creative_nao.measures._dtw_kernels import against_one
 from creative_nao.model.simd import compiled
 
@@ -175,23 +172,6 @@ class RepertoireArchive:
         self.sizes[env_id] = size
 
 
-@dataclass(frozen=True)
-class Novelty:
-    """How far a trajectory lies from what is known.
-
-    Attributes:
-        distance: DTW distance to the nearest basic action [rad].
-        nearest: Which basic action that is.
-        known_distance: DTW distance to the nearest of the basic actions and the repertoire [rad].
-        to_repertoire: DTW distance to each action of the repertoire [rad], shape (size,).
-    """
-
-    distance: float
-    nearest: int
-    known_distance: float
-    to_repertoire: np.ndarray
-
-
 class Repertoire:
     """One robot's basic actions and the actions it has accepted; a view of its part of a `RepertoireArchive`.
 
@@ -200,19 +180,12 @@ class Repertoire:
 
     Args:
         demonstrations: The basic actions.
-        archive: Where they are kept; by default an archive of their own.
+        archive: Where they are kept.
         env_id: Which of its robots.
     """
 
-    def __init__(
-        self, demonstrations: Demonstrations, archive: RepertoireArchive | None = None, env_id: int = 0
-    ) -> None:
-        self.demonstrations = demonstrations
-        if archive is None:
-            n_steps = max(len(trajectory) for trajectory in demonstrations.trajectories)
-            archive = RepertoireArchive(1, demonstrations.n_actions, n_steps, len(demonstrations.joints))
-            archive.set_basic_actions(0, demonstrations, reward_scale(demonstrations))
-        self._archive, self._env_id = archive, env_id
+    def __init__(self, demonstrations: Demonstrations, archive: RepertoireArchive, env_id: int = 0) -> None:
+        self.demonstrations, self._archive, self._env_id = demonstrations, archive, env_id
 
     def __len__(self) -> int:
         return int(self._archive.sizes[self._env_id]) - self._archive.n_basic
@@ -227,25 +200,14 @@ class Repertoire:
         """Trajectories accepted so far [rad], each (n_steps, n_joints), as copies."""
         return self._archive.accepted(self._env_id)
 
-    def _distances(self, movement: np.ndarray) -> np.ndarray:
-        return self._archive.compare(np.array([self._env_id]), movement)
+    def distances(self, trajectory: np.ndarray) -> np.ndarray:
+        """Return the DTW distance of a trajectory (n_steps, n_joints) [rad] to everything known, shape (n,) [rad].
 
-    def compare(self, trajectory: np.ndarray) -> Novelty:
-        """Compare a trajectory (n_steps, n_joints) [rad] with everything known; nothing is changed."""
-        distances = self._distances(np.asarray(trajectory, np.float64)[None])[0]
-        n_basic = self._archive.n_basic
-        nearest = int(distances[:n_basic].argmin())
-        to_repertoire = distances[n_basic : n_basic + len(self)].copy()
-        return Novelty(float(distances[nearest]), nearest, float(distances.min()), to_repertoire)
-
-    def reward(self, novelty: Novelty) -> float:
-        """Return what an appropriate action of this novelty earns; 1 is as far as basic actions are from each other."""
-        return novelty.known_distance / self.scale
-
-    def accept(self, trajectory: np.ndarray) -> None:
-        """Add an appropriate action, (n_steps, n_joints) [rad], to the repertoire."""
+        Basic actions come first, then accepted actions; nothing is changed.
+        """
         movement = np.asarray(trajectory, np.float64)[None]
-        self._archive.accept(np.array([self._env_id]), np.ones(1, bool), movement, self._distances(movement))
+        size = int(self._archive.sizes[self._env_id])
+        return self._archive.compare(np.array([self._env_id]), movement)[0, :size]
 
     def measures(self, n_tried: int) -> dict[str, float | None]:
         """Return the paper's three measures after `n_tried` actions; see `RepertoireArchive.measures`."""

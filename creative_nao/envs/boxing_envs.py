@@ -7,17 +7,64 @@
 
 from __future__ import annotations
 
-from typing import Any
+from textwrap import indent
+from typing import Any, TypeVar
 
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS
 from creative_nao.envs.executors import PhysicsExecutor
 from creative_nao.envs.memory_set import MemoryLike
+from creative_nao.envs.observation import layout, layout_table
 from creative_nao.envs.repertoire_env import RepertoireEnv
 from creative_nao.envs.vector_env import RepertoireVectorEnv
 from creative_nao.measures import Criteria
 from creative_nao.robot import PhysicalLimits
 
+Kind = TypeVar("Kind", bound=RepertoireEnv)
 
+_SHARED = {
+    "actions": """\
+`Box(-1, 1, (2,), float32)`
+
+| index | meaning | min | max | unit |
+| --- | --- | --- | --- | --- |
+| 0 | activation of PB unit 1 | -1 | 1 | 1 |
+| 1 | activation of PB unit 2 | -1 | 1 | 1 |""",
+    "observation": layout_table(layout()),
+    "modulated_observation": layout_table(layout(n_joints=8, n_slow=10)),
+    "observation_notes": """\
+The sizes are those of a memory with six basic actions. `scale` is the mean DTW distance between basic actions.
+`OUTCOMES` are `learned`, `unlearned`, `fluctuating`, `non_moving`, `joint_limit`, `torque_saturated`,
+`tracking_error`, `self_collision`, `fell`.
+
+The cell of a point is in column floor((pb1 + 1) / 2 * 8) of row floor((pb2 + 1) / 2 * 8), rows one after the other;
+a cell in which something appropriate was found reads at least 0.1.""",
+    "arguments": """\
+| argument | default | meaning |
+| --- | --- | --- |
+| memory | `"half/0"` | name, file or memory; `"train"`, `"validation"`, `"test"`: drawn per episode |
+| n_actions | 30 | actions in an episode |
+| render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
+| criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
+| overlay | False | whether colour frames tell outcome, nearest basic action and reward |""",
+    "rendering": """\
+`render` returns: `rgb_array` the last movement at its widest, uint8 (480, 640, 3); `depth_array` how far away
+everything is in that picture [m], float32 (480, 640); `rgb_array_list` a film of all movements since the last call;
+`human` None, it plays the movement in a window.
+
+`gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many sub-environments, with the same
+trajectories as separate environments of the same seeds; it also takes `autoreset_mode` and `n_threads`.""",
+}
+"""What the pages have in common, by its place in a docstring."""
+
+
+def _page(kind: type[Kind]) -> type[Kind]:
+    """Put the common text into the docstring of an environment, which is its page."""
+    for name, text in _SHARED.items():
+        kind.__doc__ = (kind.__doc__ or "").replace(f"    {{{name}}}", indent(text, "    "))
+    return kind
+
+
+@_page
 class BoxingMentalEnv(RepertoireEnv):
     """Find new boxing movements in a robot's memory by mental simulation.
 
@@ -29,33 +76,14 @@ class BoxingMentalEnv(RepertoireEnv):
     robot.
 
     ## Action space
-    `Box(-1, 1, (2,), float32)`
-
-    | index | meaning | min | max | unit |
-    | --- | --- | --- | --- | --- |
-    | 0 | activation of PB unit 1 | -1 | 1 | 1 |
-    | 1 | activation of PB unit 2 | -1 | 1 | 1 |
+    {actions}
 
     ## Observation space
     `Box(85,) float32`, all zero at the start of an episode.
 
-    | index | name | meaning | min | max | unit |
-    | --- | --- | --- | --- | --- | --- |
-    | 0-1 | pb | last PB vector | -1 | 1 | 1 |
-    | 2-10 | outcome | last outcome, one-hot in the order of `OUTCOMES` | 0 | 1 | 1 |
-    | 11 | novelty | d / (d + scale), d the last action's distance to the nearest basic action | 0 | 1 | 1 |
-    | 12-17 | nearest | nearest basic action of the last action, one-hot | 0 | 1 | 1 |
-    | 18 | known | d / (d + scale), d its distance to everything known before it | 0 | 1 | 1 |
-    | 19-82 | cells | cells of PB space: 0 untried, -1 in vain, else best reward r there as r / (r + 1) | -1 | 1 | 1 |
-    | 83 | coverage | share of the cells tried | 0 | 1 | 1 |
-    | 84 | step | share of the episode that is over | 0 | 1 | 1 |
+    {observation}
 
-    The sizes are those of a memory with six basic actions. `scale` is the mean DTW distance between basic actions.
-    `OUTCOMES` are `learned`, `unlearned`, `fluctuating`, `non_moving`, `joint_limit`, `torque_saturated`,
-    `tracking_error`, `self_collision`, `fell`.
-
-    The cell of a point is in column floor((pb1 + 1) / 2 * 8) of row floor((pb2 + 1) / 2 * 8), rows one after the other;
-    a cell in which something appropriate was found reads at least 0.1.
+    {observation_notes}
 
     ## Rewards
     An appropriate action (outcome `learned` or `unlearned`) earns its smallest DTW distance to everything the robot
@@ -77,20 +105,9 @@ class BoxingMentalEnv(RepertoireEnv):
     Truncated after `n_actions` (30) steps; never terminated.
 
     ## Arguments
-    | argument | default | meaning |
-    | --- | --- | --- |
-    | memory | `"half/0"` | name, file or memory; `"train"`, `"validation"`, `"test"`: drawn per episode |
-    | n_actions | 30 | actions in an episode |
-    | render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
-    | criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
-    | overlay | False | whether colour frames tell outcome, nearest basic action and reward |
+    {arguments}
 
-    `render` returns: `rgb_array` the last movement at its widest, uint8 (480, 640, 3); `depth_array` how far away
-    everything is in that picture [m], float32 (480, 640); `rgb_array_list` a film of all movements since the last call;
-    `human` None, it plays the movement in a window.
-
-    `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many sub-environments, with the same
-    trajectories as separate environments of the same seeds; it also takes `autoreset_mode` and `n_threads`.
+    {rendering}
 
     ## Version history
     * v0: first version.
@@ -107,6 +124,7 @@ class BoxingMentalEnv(RepertoireEnv):
         super().__init__(memory, n_actions, render_mode, criteria, overlay)
 
 
+@_page
 class BoxingEnv(RepertoireEnv):
     """Find new boxing movements in a robot's memory and let the NAO perform them in physics.
 
@@ -116,33 +134,14 @@ class BoxingEnv(RepertoireEnv):
     scored. Every action starts from the same settled guard, so what happens depends on the PB point alone.
 
     ## Action space
-    `Box(-1, 1, (2,), float32)`
-
-    | index | meaning | min | max | unit |
-    | --- | --- | --- | --- | --- |
-    | 0 | activation of PB unit 1 | -1 | 1 | 1 |
-    | 1 | activation of PB unit 2 | -1 | 1 | 1 |
+    {actions}
 
     ## Observation space
     `Box(85,) float32`, all zero at the start of an episode.
 
-    | index | name | meaning | min | max | unit |
-    | --- | --- | --- | --- | --- | --- |
-    | 0-1 | pb | last PB vector | -1 | 1 | 1 |
-    | 2-10 | outcome | last outcome, one-hot in the order of `OUTCOMES` | 0 | 1 | 1 |
-    | 11 | novelty | d / (d + scale), d the last action's distance to the nearest basic action | 0 | 1 | 1 |
-    | 12-17 | nearest | nearest basic action of the last action, one-hot | 0 | 1 | 1 |
-    | 18 | known | d / (d + scale), d its distance to everything known before it | 0 | 1 | 1 |
-    | 19-82 | cells | cells of PB space: 0 untried, -1 in vain, else best reward r there as r / (r + 1) | -1 | 1 | 1 |
-    | 83 | coverage | share of the cells tried | 0 | 1 | 1 |
-    | 84 | step | share of the episode that is over | 0 | 1 | 1 |
+    {observation}
 
-    The sizes are those of a memory with six basic actions. `scale` is the mean DTW distance between basic actions.
-    `OUTCOMES` are `learned`, `unlearned`, `fluctuating`, `non_moving`, `joint_limit`, `torque_saturated`,
-    `tracking_error`, `self_collision`, `fell`.
-
-    The cell of a point is in column floor((pb1 + 1) / 2 * 8) of row floor((pb2 + 1) / 2 * 8), rows one after the other;
-    a cell in which something appropriate was found reads at least 0.1.
+    {observation_notes}
 
     ## Rewards
     As in `CreativeNao/BoxingMental-v0`. Beside `fluctuating` (judged on the commanded angles) and `non_moving`, an
@@ -170,21 +169,10 @@ class BoxingEnv(RepertoireEnv):
     Truncated after `n_actions` (30) steps; never terminated: after a fall the next action starts from the guard again.
 
     ## Arguments
-    | argument | default | meaning |
-    | --- | --- | --- |
-    | memory | `"half/0"` | name, file or memory; `"train"`, `"validation"`, `"test"`: drawn per episode |
-    | n_actions | 30 | actions in an episode |
-    | render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
-    | criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
-    | overlay | False | whether colour frames tell outcome, nearest basic action and reward |
+    {arguments}
     | limits | None | `robot.PhysicalLimits`: from where on a performance counts as failed |
 
-    `render` returns: `rgb_array` the last movement at its widest, uint8 (480, 640, 3); `depth_array` how far away
-    everything is in that picture [m], float32 (480, 640); `rgb_array_list` a film of all movements since the last call;
-    `human` None, it plays the movement in a window.
-
-    `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many sub-environments, with the same
-    trajectories as separate environments of the same seeds; it also takes `autoreset_mode` and `n_threads`.
+    {rendering}
     Their performances run in `n_threads` threads.
 
     ## Version history
@@ -220,6 +208,7 @@ class BoxingEnv(RepertoireEnv):
         return self.performer.data
 
 
+@_page
 class BoxingModulationEnv(RepertoireEnv):
     """Make new boxing movements out of a robot's memory by turning its PB while they unfold.
 
@@ -231,37 +220,15 @@ class BoxingModulationEnv(RepertoireEnv):
     the next one starts from the guard with the network at rest.
 
     ## Action space
-    `Box(-1, 1, (2,), float32)`
-
-    | index | meaning | min | max | unit |
-    | --- | --- | --- | --- | --- |
-    | 0 | activation of PB unit 1 | -1 | 1 | 1 |
-    | 1 | activation of PB unit 2 | -1 | 1 | 1 |
+    {actions}
 
     ## Observation space
     `Box(104,) float32`; at the start of an episode everything but the posture is zero. Indices 0 to 84 are those of
     `CreativeNao/BoxingMental-v0`; all but `pb` and `step` change only when a movement is scored.
 
-    | index | name | meaning | min | max | unit |
-    | --- | --- | --- | --- | --- | --- |
-    | 0-1 | pb | last PB vector | -1 | 1 | 1 |
-    | 2-10 | outcome | last outcome, one-hot in the order of `OUTCOMES` | 0 | 1 | 1 |
-    | 11 | novelty | d / (d + scale), d the last action's distance to the nearest basic action | 0 | 1 | 1 |
-    | 12-17 | nearest | nearest basic action of the last action, one-hot | 0 | 1 | 1 |
-    | 18 | known | d / (d + scale), d its distance to everything known before it | 0 | 1 | 1 |
-    | 19-82 | cells | cells of PB space: 0 untried, -1 in vain, else best reward r there as r / (r + 1) | -1 | 1 | 1 |
-    | 83 | coverage | share of the cells tried | 0 | 1 | 1 |
-    | 84 | step | share of the episode that is over | 0 | 1 | 1 |
-    | 85-92 | posture | joint angles now, -1 and 1 are the ends of the basic actions' range | -1 | 1 | 1 |
-    | 93-102 | slow | activity of the slowest layer P_S | -1 | 1 | 1 |
-    | 103 | phase | share of the movement that has unfolded, 0 before a new one | 0 | 1 | 1 |
+    {modulated_observation}
 
-    The sizes are those of a memory with six basic actions. `scale` is the mean DTW distance between basic actions.
-    `OUTCOMES` are `learned`, `unlearned`, `fluctuating`, `non_moving`, `joint_limit`, `torque_saturated`,
-    `tracking_error`, `self_collision`, `fell`.
-
-    The cell of a point is in column floor((pb1 + 1) / 2 * 8) of row floor((pb2 + 1) / 2 * 8), rows one after the other;
-    a cell in which something appropriate was found reads at least 0.1.
+    {observation_notes}
     A movement marks the cells of all its PB vectors. After the last decision of a movement the posture is the one it
     ended in and P_S is at rest again.
 
@@ -282,22 +249,11 @@ class BoxingModulationEnv(RepertoireEnv):
     movements as in the other environments, so that their figures can be compared.
 
     ## Arguments
-    | argument | default | meaning |
-    | --- | --- | --- |
-    | memory | `"half/0"` | name, file or memory; `"train"`, `"validation"`, `"test"`: drawn per episode |
-    | n_actions | 30 | actions in an episode |
-    | render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
-    | criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
-    | overlay | False | whether colour frames tell outcome, nearest basic action and reward |
+    {arguments}
     | physics | False | whether the robot performs each movement |
     | limits | None | `robot.PhysicalLimits`, for `physics=True` |
 
-    `render` returns: `rgb_array` the last movement at its widest, uint8 (480, 640, 3); `depth_array` how far away
-    everything is in that picture [m], float32 (480, 640); `rgb_array_list` a film of all movements since the last call;
-    `human` None, it plays the movement in a window.
-
-    `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many sub-environments, with the same
-    trajectories as separate environments of the same seeds; it also takes `autoreset_mode` and `n_threads`.
+    {rendering}
 
     ## Version history
     * v0: first version.

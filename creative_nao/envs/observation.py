@@ -69,6 +69,15 @@ def layout(n_actions: int = 6, n_pb: int = 2, n_joints: int = 0, n_slow: int = 0
     return tuple(ObservationPart(name, start, *rest) for (name, *rest), start in zip(parts, starts, strict=False))
 
 
+def layout_table(parts: tuple[ObservationPart, ...]) -> str:
+    """Return the layout as a table in Markdown, a row for each part."""
+    rows = ["| index | name | meaning | min | max | unit |", "| --- | --- | --- | --- | --- | --- |"]
+    for part in parts:
+        index = f"{part.start}-{part.stop - 1}" if part.size > 1 else part.start
+        rows.append(f"| {index} | {part.name} | {part.meaning} | {part.low:g} | {part.high:g} | 1 |")
+    return "\n".join(rows)
+
+
 def observation_space(parts: tuple[ObservationPart, ...]) -> Box:
     """Return the flat float32 Box of the observation."""
     low = np.concatenate([np.full(part.size, part.low, np.float32) for part in parts])

@@ -1,13 +1,13 @@
-"""The kernel behind the rewards gives the bits of the measures."""
+"""The repertoire archive: its kernel gives the bits of the measures, and what is accepted is known."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from creative_nao.envs.archive import RepertoireArchive
+from creative_nao.envs.archive import Repertoire, RepertoireArchive
 from creative_nao.envs.episode_batch import EpisodeBatch
-from creative_nao.measures import dtw_matrix
+from creative_nao.measures import dtw, dtw_matrix, reward_scale
 from creative_nao.measures.outcome import is_fluctuating, is_non_moving
 
 ZERO = np.zeros(1, np.int64)
@@ -82,6 +82,60 @@ def test_outcomes_are_those_of_the_measures(demonstrations):
     assert 0 < still.sum() < 40
     assert np.array_equal(scored == "fluctuating", fast)
     assert np.array_equal(scored == "non_moving", still & ~fast)
+
+
+@pytest.fixture
+def archive(demonstrations):
+    archive = RepertoireArchive(1, 6, 50, 8)
+    archive.set_basic_actions(0, demonstrations, reward_scale(demonstrations))
+    return archive
+
+
+def add(archive, trajectory):
+    archive.accept(ZERO, np.ones(1, bool), trajectory[None], archive.compare(ZERO, trajectory[None]))
+
+
+def test_what_was_accepted_is_known(archive, demonstrations):
+    repertoire = Repertoire(demonstrations, archive)
+    basic, new = demonstrations.trajectories[4], demonstrations.trajectories[0] + 0.1
+    before = repertoire.distances(new)
+    add(archive, new)
+    after = repertoire.distances(new)
+
+    assert repertoire.distances(basic).argmin() == 4
+    assert repertoire.distances(basic).min() == 0.0
+    assert before.min() > 0.0
+    assert np.array_equal(after, [*before, 0.0])  # to the basic actions it is as far as before
+    assert len(repertoire) == 1
+    assert np.array_equal(repertoire.accepted[0], new)
+
+
+def test_the_unit_of_the_reward_is_the_mean_distance_of_the_basic_actions(archive, demonstrations):
+    distances = dtw_matrix(demonstrations.trajectories)
+
+    assert Repertoire(demonstrations, archive).scale == pytest.approx(distances[np.triu_indices(6, 1)].mean())
+
+
+def test_the_measures_of_two_actions_by_hand(archive, demonstrations):
+    first, second = demonstrations.trajectories[0] + 0.1, demonstrations.trajectories[1] - 0.05
+    for trajectory in (first, second):
+        add(archive, trajectory)
+    to_basic = dtw_matrix([first, second], demonstrations.trajectories).min(axis=1)
+
+    assert Repertoire(demonstrations, archive).measures(n_tried=4) == {
+        "appropriateness_pct": 50.0,
+        "novelty": pytest.approx(to_basic.mean()),
+        "diversity": pytest.approx(dtw(first, second)),
+    }
+
+
+def test_measures_that_do_not_exist_are_none(archive, demonstrations):
+    repertoire = Repertoire(demonstrations, archive)
+    assert repertoire.measures(3) == {"appropriateness_pct": 0.0, "novelty": None, "diversity": None}
+
+    add(archive, demonstrations.trajectories[0])
+    assert repertoire.measures(3)["novelty"] == 0.0
+    assert repertoire.measures(3)["diversity"] is None
 
 
 class Scripted:
