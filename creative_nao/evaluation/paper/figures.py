@@ -52,7 +52,7 @@ class Network(NamedTuple):
 
     entry: Entry
     memory: Memory
-    charted: PBMap
+    memory_map: PBMap
     figures: Figures
 
 
@@ -157,21 +157,21 @@ def examples(networks: Sequence[Network], rng: np.random.Generator) -> tuple[Fig
     shown, missing = [], []
     for outcome in ("fluctuating", "non_moving"):
         word = outcome.replace("_", "-")
-        for _, memory, charted, _ in networks:
-            points = np.flatnonzero(charted.outcome == outcome)
+        for _, memory, memory_map, _ in networks:
+            points = np.flatnonzero(memory_map.outcome == outcome)
             if len(points):
-                pb = charted.pb[rng.choice(points)]
+                pb = memory_map.pb[rng.choice(points)]
                 shown.append(Example(f"{word}: {memory.name} at {_place(pb)}", memory.generate(pb[None])[0]))
                 break
         else:
             missing.append(f"no map has a {word} movement")
-    _, memory, charted, _ = networks[0]
+    _, memory, memory_map, _ = networks[0]
     demos = memory.demonstrations
-    generated = memory.generate(charted.pb)
-    best = farthest_points(generated, demos, 2, charted.appropriate)
+    generated = memory.generate(memory_map.pb)
+    best = farthest_points(generated, demos, 2, memory_map.appropriate)
     for place, index in enumerate(best.indices):
         rank = ("most novel", "then most novel")[place]
-        shown.append(Example(f"{rank}: {memory.name} at {_place(charted.pb[index])}", generated[index]))
+        shown.append(Example(f"{rank}: {memory.name} at {_place(memory_map.pb[index])}", generated[index]))
     for _, memory, _, figures in networks:
         if (combination := figures["clearest_combination"]) is None:
             continue
@@ -226,13 +226,13 @@ def three_maps(networks: Networks) -> Figure:
     """Draw one map of each condition side by side."""
     drawn, axes = figure(11.0, 4.5, 1, len(CONDITION_NAMES))
     for ax, condition in zip(axes, CONDITION_NAMES, strict=True):
-        charted = networks[condition][0].charted
-        draw_on(ax, charted)
+        memory_map = networks[condition][0].memory_map
+        draw_on(ax, memory_map)
         ax.grid(visible=False)
-        learned, usable = charted.share_pct("learned"), 100.0 * float(charted.appropriate.mean())
+        learned, usable = memory_map.share_pct("learned"), 100.0 * float(memory_map.appropriate.mean())
         ax.set_title(f"{CONDITION_TITLES[condition]}\n{usable:.0f} % usable, {learned:.0f} % learned", fontsize=10)
         ax.set(xticks=[-1, 0, 1], yticks=[-1, 0, 1])
-    drawn.legend(handles=_plain_legend(networks["half"][0].charted), loc="outside lower center", ncols=4, fontsize=9)
+    drawn.legend(handles=_plain_legend(networks["half"][0].memory_map), loc="outside lower center", ncols=4, fontsize=9)
     return drawn
 
 
@@ -249,12 +249,14 @@ def all_maps(networks: Networks) -> Figure:
         row, column = rows[place // n_columns], place % n_columns
         ax.axis("off")
         if column < len(row):
-            entry, _, charted, _ = row[column]
-            ax.imshow(map_image(charted), origin="lower", interpolation="nearest", extent=(-1, 1, -1, 1))
-            ax.plot(*charted.learned_pb.T, "o", color="white", markeredgecolor=INK, markersize=2.6, markeredgewidth=0.7)
+            entry, _, memory_map, _ = row[column]
+            ax.imshow(map_image(memory_map), origin="lower", interpolation="nearest", extent=(-1, 1, -1, 1))
+            ax.plot(
+                *memory_map.learned_pb.T, "o", color="white", markeredgecolor=INK, markersize=2.6, markeredgewidth=0.7
+            )
             ax.set_title(f"{entry.condition} {entry.seed}", fontsize=8, loc="center")
             ax.grid(visible=False)
-    drawn.legend(handles=_plain_legend(networks["half"][0].charted), loc="outside lower center", ncols=4, fontsize=9)
+    drawn.legend(handles=_plain_legend(networks["half"][0].memory_map), loc="outside lower center", ncols=4, fontsize=9)
     return drawn
 
 
@@ -267,7 +269,7 @@ def walk_points(memory: Memory) -> tuple[np.ndarray, tuple[str, str]]:
     return (1.0 - share) * begin + share * end, (first, last)
 
 
-def walk(memory: Memory, charted: PBMap) -> Figure:
+def walk(memory: Memory, memory_map: PBMap) -> Figure:
     """Draw a map with six points on a straight line and the movements that they generate."""
     points, _ = walk_points(memory)
     generated = memory.generate(points)
@@ -275,7 +277,7 @@ def walk(memory: Memory, charted: PBMap) -> Figure:
     drawn = Figure(figsize=(10.8, 6.6), layout="constrained")
     left, right = np.asarray(drawn.subfigures(1, 2, width_ratios=(1.0, 1.25))).ravel()
     ax = left.subplots()
-    draw_on(ax, charted)
+    draw_on(ax, memory_map)
     ax.grid(visible=False)
     ax.plot(*points.T, "-", color="white", linewidth=2.6)
     ax.plot(*points.T, "-", color=INK, linewidth=1.2)
@@ -295,14 +297,14 @@ def walk(memory: Memory, charted: PBMap) -> Figure:
     for panel in panels[-1]:
         panel.set_xlabel("time [s]")
     right.supylabel("joint angle [rad]", fontsize=10)
-    left.legend(handles=_plain_legend(charted), loc="outside lower center", ncols=2, fontsize=8.5)
+    left.legend(handles=_plain_legend(memory_map), loc="outside lower center", ncols=2, fontsize=8.5)
     right.legend(handles=joint_legend(memory.demonstrations), loc="outside lower center", ncols=3, fontsize=8.5)
     return drawn
 
 
-def _plain_legend(charted: PBMap) -> list:
+def _plain_legend(memory_map: PBMap) -> list:
     """Return the legend of a map without the shares, which belong to one map alone."""
-    handles = legend_handles(charted)
+    handles = legend_handles(memory_map)
     for handle in handles:
         handle.set_label(handle.get_label().split("  (")[0])
     return handles
@@ -333,7 +335,7 @@ def draw_pictures(
         for entry, figures in zip(bank, networks, strict=True)
     ]
     per = {name: [one for one in every if one.entry.condition == name] for name in CONDITION_NAMES}
-    _, half, charted, _ = per["half"][0]
+    _, half, memory_map, _ = per["half"][0]
     # Half closed first, as in the paper's Fig. 3 and 5, then the others.
     half_first = sorted(every, key=lambda one: one.entry.condition != "half")
     with styled():
@@ -345,7 +347,7 @@ def draw_pictures(
             ("examples", example_figure),
             ("maps", three_maps(per)),
             ("all_maps", all_maps(per)),
-            ("walk", walk(half, charted)),
+            ("walk", walk(half, memory_map)),
         ):
             save(drawn, folder / "images" / f"paper_{name}.png")
     points, between = walk_points(half)

@@ -61,17 +61,17 @@ def measure_entry(entry: Entry, folder: Path, settings: PaperSettings) -> dict[s
 
     The figures go to `measured/CONDITION-SEED.json` and the map to `maps/CONDITION-SEED.npz`.
     """
-    path, chart = folder / "measured" / f"{entry.stem}.json", map_path(folder, entry)
+    path, map_file = folder / "measured" / f"{entry.stem}.json", map_path(folder, entry)
     job = {"format": FORMAT, "memory": entry.sha256, "seed": settings.seed, "resolution": settings.resolution}
     try:
         kept = load_json(MeasuredFile, path, "figures of a network")
     except CreativeNaoError:
         kept = None
-    if kept is not None and kept.job == job and chart.is_file():
+    if kept is not None and kept.job == job and map_file.is_file():
         return kept.figures
-    figures, charted = measure(entry.load(), entry.name, settings)
+    figures, memory_map = measure(entry.load(), entry.name, settings)
     figures = {"name": entry.name, "condition": entry.condition, "seed": entry.seed, **figures}
-    charted.save(chart)
+    memory_map.save(map_file)
     save_json(path, MeasuredFile(job, figures))
     return figures
 
@@ -89,13 +89,14 @@ def measure(memory: Memory, name: str, settings: PaperSettings) -> tuple[dict[st
         name: Its name; it decides the random draws, together with the seed.
         settings: Seed and resolution.
     """
-    charted = pb_map(memory, settings.resolution)
-    assert charted.trajectories is not None
+    memory_map = pb_map(memory, settings.resolution)
+    assert memory_map.trajectories is not None
     rng = np.random.default_rng(seed_sequence(settings.seed, name))
     # What the map knows of its points is enough for the table, which needs no distances to all actions.
-    scores = Scores(charted.outcome, charted.distance, charted.nearest, charted.distance[:, None], charted.appropriate)
-    figures = table(charted.trajectories, memory.demonstrations, rng=rng, scores=scores)
-    back, shape = reproduction(memory), landscape(charted)
+    distance = memory_map.distance
+    scores = Scores(memory_map.outcome, distance, memory_map.nearest, distance[:, None], memory_map.appropriate)
+    figures = table(memory_map.trajectories, memory.demonstrations, rng=rng, scores=scores)
+    back, shape = reproduction(memory), landscape(memory_map)
     return {
         "n_epochs": memory.training.n_epochs,
         "first_loss": float(memory.loss_history[0]),
@@ -112,14 +113,14 @@ def measure(memory: Memory, name: str, settings: PaperSettings) -> tuple[dict[st
         "non_moving_pct": figures.non_moving_pct,
         "novelty": figures.novelty.mean if figures.novelty else None,
         "diversity": figures.diversity.mean if figures.diversity else None,
-        "region_pct": dict(zip(charted.names, charted.learned_region_pct().tolist(), strict=True)),
+        "region_pct": dict(zip(memory_map.names, memory_map.learned_region_pct().tolist(), strict=True)),
         "n_regions": shape.n_nearest_regions,
         "border_length": shape.border_length,
         "ruggedness": None if shape.ruggedness is None else shape.ruggedness.mean,
         "evenness": shape.learned_evenness,
-        "steep_step_pct": steep_step_pct(charted, memory.demonstrations),
-        **combination_figures(memory, charted, rng),
-    }, charted
+        "steep_step_pct": steep_step_pct(memory_map, memory.demonstrations),
+        **combination_figures(memory, memory_map, rng),
+    }, memory_map
 
 
 def epochs_to_level(memory: Memory, level: float = CONVERGED_LEVEL) -> int | None:
@@ -141,22 +142,22 @@ def unsteadiness(memory: Memory) -> float:
     return float(np.abs(np.diff(np.log10(history.astype(np.float64)))).mean()) if len(history) > 1 else 0.0
 
 
-def steep_step_pct(charted: PBMap, demos: Demonstrations) -> float:
+def steep_step_pct(memory_map: PBMap, demos: Demonstrations) -> float:
     """Return the share of steep steps of a map with trajectories [%]; 0 when no two neighbours are usable.
 
     Of the steps between two neighbouring grid points that both give a usable action, those are steep over which the
     action changes by more than the smallest distance between two basic actions.
     """
-    assert charted.trajectories is not None
+    assert memory_map.trajectories is not None
     between = dtw_matrix(list(demos.trajectories))
     smallest = float(between[np.triu_indices(len(between), 1)].min())
-    place = np.arange(charted.resolution**2).reshape(charted.resolution, -1)
+    place = np.arange(memory_map.resolution**2).reshape(memory_map.resolution, -1)
     first = np.concatenate([place[:, :-1].ravel(), place[:-1].ravel()])
     second = np.concatenate([place[:, 1:].ravel(), place[1:].ravel()])
-    usable = charted.appropriate[first] & charted.appropriate[second]
+    usable = memory_map.appropriate[first] & memory_map.appropriate[second]
     if not usable.any():
         return 0.0
-    return 100.0 * float(np.mean(dtw_pairs(charted.trajectories, first[usable], second[usable]) > smallest))
+    return 100.0 * float(np.mean(dtw_pairs(memory_map.trajectories, first[usable], second[usable]) > smallest))
 
 
 class Mixture(NamedTuple):
@@ -189,12 +190,12 @@ def mixtures(demos: Demonstrations, first: int, second: int) -> list[Mixture]:
     return made
 
 
-def combination_figures(memory: Memory, charted: PBMap, rng: np.random.Generator) -> dict[str, Any]:
+def combination_figures(memory: Memory, memory_map: PBMap, rng: np.random.Generator) -> dict[str, Any]:
     """Return how many unlearned actions of a map are combinations, and between which basic actions they lie.
 
     Args:
         memory: The memory.
-        charted: Its map, with trajectories.
+        memory_map: Its map, with trajectories.
         rng: Draws the points that are looked at.
 
     Returns:
@@ -202,19 +203,19 @@ def combination_figures(memory: Memory, charted: PBMap, rng: np.random.Generator
         `n_pairs_between`: of the pairs of basic actions, how many have a combination of just these two on the straight
         line between their learned PB values; `clearest_combination`: the nearest one of those drawn, or None.
     """
-    assert charted.trajectories is not None
+    assert memory_map.trajectories is not None
     demos, threshold = memory.demonstrations, Criteria().learned_threshold
     share, clearest = None, None
-    unlearned = np.flatnonzero(charted.outcome == "unlearned")
+    unlearned = np.flatnonzero(memory_map.outcome == "unlearned")
     if len(unlearned):
         made = [one for pair in itertools.permutations(range(demos.n_actions), 2) for one in mixtures(demos, *pair)]
         drawn = np.sort(rng.choice(unlearned, size=min(N_SAMPLED, len(unlearned)), replace=False))
-        distances = dtw_matrix([charted.trajectories[k] for k in drawn], [mixture.trajectory for mixture in made])
+        distances = dtw_matrix([memory_map.trajectories[k] for k in drawn], [mixture.trajectory for mixture in made])
         share = 100.0 * float(np.mean(distances.min(axis=1) <= threshold))
         row, column = np.unravel_index(int(distances.argmin()), distances.shape)
         if distances[row, column] <= threshold:
             clearest = {
-                "pb": charted.pb[drawn[row]].tolist(),
+                "pb": memory_map.pb[drawn[row]].tolist(),
                 "first": demos.names[made[column].first],
                 "second": demos.names[made[column].second],
                 "kind": made[column].kind,
