@@ -1,8 +1,8 @@
-"""Show an agent in training every memory from eight sides: the axes of the PB space flipped and swapped.
+"""Data augmentation: every training episode flips and swaps the axes of the PB space by one of its symmetries.
 
 What a PB unit's sign means, and which unit is the first, is an accident of a memory's training. Each episode gets one
-of the 2^n_pb n_pb! ways to flip and swap the axes; actions and observations are turned alike, so that the agent meets a
-consistent world. Only training does this: agents are judged on the memories as they are.
+of the 2^n_pb n_pb! symmetries; actions and observations are transformed alike, so that the agent meets a consistent
+world. Only training does this: agents are evaluated on the memories as they are.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from creative_nao.errors import SettingsError
 
 
 class FlippedSwappedAxes(VecEnvWrapper):
-    """Turns the PB axes of every episode anew, in each copy of an environment.
+    """Draws a symmetry of the PB axes for every episode of each sub-environment.
 
     The agent's PB vector a becomes the environment's b with b[i] = signs[i] * a[order[i]]; `pb` and `cells` of its
-    observations are turned back. What `info` tells stays the environment's.
+    observations are transformed back. `info` stays the environment's.
 
     Args:
-        venv: Copies of an environment of this project.
+        venv: A vector environment of this project.
 
     Attributes:
-        chosen: Which way each copy's episode is turned, shape (num_envs,); 0 leaves everything as it is.
+        symmetry: Index of each sub-environment's symmetry, shape (num_envs,); 0 is the identity.
 
     Raises:
         SettingsError: If observations hold no cells of the PB space.
@@ -40,82 +40,83 @@ class FlippedSwappedAxes(VecEnvWrapper):
         if not isinstance(venv.observation_space, Box) or not isinstance(venv.action_space, Box):
             raise SettingsError(f"`venv` should have Box spaces, but has {venv.observation_space}")
         self._n_pb = int(np.prod(venv.action_space.shape))
-        ways = turns(self._n_pb)
-        self._orders = np.array([order for order, _ in ways])
-        self._signs = np.array([signs for _, signs in ways], np.float32)
+        table = symmetries(self._n_pb)
+        self._orders = np.array([order for order, _ in table])
+        self._signs = np.array([signs for _, signs in table], np.float32)
         self._cells = cells_of(venv.observation_space, self._n_pb)
-        self._cell_tables = np.array([_cell_table(order, signs) for order, signs in ways])
+        self._cell_tables = np.array([_cell_table(order, signs) for order, signs in table])
         self._random = np.random.default_rng(0)
-        self.chosen = np.zeros(self.num_envs, np.int64)
+        self.symmetry = np.zeros(self.num_envs, np.int64)
 
     @property
-    def n_ways(self) -> int:
-        """Ways to turn the axes: 8 with two PB units."""
+    def n_symmetries(self) -> int:
+        """Symmetries of the axes: 8 with two PB units."""
         return len(self._orders)
 
     def seed(self, seed: int | None = None) -> Any:
-        """Seed the environments and the draw of ways."""
-        self._random = np.random.default_rng(None if seed is None else [seed, self.n_ways])
+        """Seed the environments and the draw of symmetries."""
+        self._random = np.random.default_rng(None if seed is None else [seed, self.n_symmetries])
         return super().seed(seed)
 
     def reset(self) -> np.ndarray:
-        """Begin all episodes, each turned in a way of its own."""
+        """Begin all episodes, each with a symmetry of its own."""
         observations = self.venv.reset()
-        self.chosen = self._random.integers(self.n_ways, size=self.num_envs)
-        return self.as_seen(np.asarray(observations), self.chosen)
+        self.symmetry = self._random.integers(self.n_symmetries, size=self.num_envs)
+        return self.to_agent(np.asarray(observations), self.symmetry)
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take the agent's PB vectors, shape (num_envs, n_pb)."""
-        self.venv.step_async(self.as_meant(actions, self.chosen))
+        self.venv.step_async(self.to_env(actions, self.symmetry))
 
     def step_wait(self) -> Any:
-        """Step; a copy whose episode has ended gets another way for its next one."""
-        told: Any = self.venv.step_wait()
-        observations, rewards, ended, infos = told
-        over = np.flatnonzero(ended)
-        for robot in over:
-            last = infos[robot]["terminal_observation"]
-            turned = self.as_seen(last[None], self.chosen[robot : robot + 1])[0]
-            infos[robot] = {**infos[robot], "terminal_observation": turned}
-        if len(over):
-            self.chosen = self.chosen.copy()
-            self.chosen[over] = self._random.integers(self.n_ways, size=len(over))
-        return self.as_seen(observations, self.chosen), rewards, ended, infos
+        """Step; a sub-environment whose episode has ended gets another symmetry for its next one."""
+        stepped: Any = self.venv.step_wait()
+        observations, rewards, dones, infos = stepped
+        ended = np.flatnonzero(dones)
+        for k in ended:
+            last = self.to_agent(infos[k]["terminal_observation"][None], self.symmetry[k : k + 1])[0]
+            infos[k] = {**infos[k], "terminal_observation": last}
+        if len(ended):
+            self.symmetry = self.symmetry.copy()
+            self.symmetry[ended] = self._random.integers(self.n_symmetries, size=len(ended))
+        return self.to_agent(observations, self.symmetry), rewards, dones, infos
 
-    def as_meant(self, pb: np.ndarray, ways: np.ndarray) -> np.ndarray:
-        """Return the environment's PB vectors for the agent's, both (n, n_pb); ways: (n,)."""
-        return self._signs[ways] * np.take_along_axis(pb, self._orders[ways], axis=1)
+    def to_env(self, pb: np.ndarray, symmetry: np.ndarray) -> np.ndarray:
+        """Return the environment's PB vectors for the agent's, both (n, n_pb); symmetry: (n,)."""
+        return self._signs[symmetry] * np.take_along_axis(pb, self._orders[symmetry], axis=1)
 
-    def as_seen(self, observations: np.ndarray, ways: np.ndarray) -> np.ndarray:
-        """Return the agent's observations for the environment's, both (n, n_values); ways: (n,)."""
-        seen = observations.copy()
-        np.put_along_axis(seen, self._orders[ways], self._signs[ways] * observations[:, : self._n_pb], axis=1)
-        seen[:, self._cells] = np.take_along_axis(observations[:, self._cells], self._cell_tables[ways], axis=1)
-        return seen
+    def to_agent(self, observations: np.ndarray, symmetry: np.ndarray) -> np.ndarray:
+        """Return the agent's observations for the environment's, both (n, n_values); symmetry: (n,)."""
+        mapped = observations.copy()
+        pb = self._signs[symmetry] * observations[:, : self._n_pb]
+        np.put_along_axis(mapped, self._orders[symmetry], pb, axis=1)
+        mapped[:, self._cells] = np.take_along_axis(observations[:, self._cells], self._cell_tables[symmetry], axis=1)
+        return mapped
 
     def get_state(self) -> tuple[dict[str, Any], np.ndarray]:
-        """Return the generator's state as plain values, and the way of each copy."""
+        """Return the generator's state as plain values, and each sub-environment's symmetry."""
         values = generator_state(self._random)
         assert values is not None
-        return values, self.chosen.copy()
+        return values, self.symmetry.copy()
 
-    def set_state(self, values: dict[str, Any], chosen: np.ndarray) -> None:
+    def set_state(self, values: dict[str, Any], symmetry: np.ndarray) -> None:
         """Take over what `get_state` returned.
 
         Raises:
             SettingsError: If it is no such state.
         """
-        found, ways = generator_from(values), np.array(chosen, dtype=np.int64)
-        if found is None or ways.shape != (self.num_envs,) or not ((ways >= 0) & (ways < self.n_ways)).all():
-            raise SettingsError(f"`chosen` should hold {self.num_envs} ways from 0 to {self.n_ways - 1}")
-        self._random, self.chosen = found, ways
+        rng, symmetry = generator_from(values), np.array(symmetry, dtype=np.int64)
+        in_range = ((symmetry >= 0) & (symmetry < self.n_symmetries)).all()
+        if rng is None or symmetry.shape != (self.num_envs,) or not in_range:
+            raise SettingsError(f"`symmetry` should hold {self.num_envs} numbers from 0 to {self.n_symmetries - 1}")
+        self._random, self.symmetry = rng, symmetry
 
 
-def turns(n_pb: int) -> tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]:
-    """Return every way to swap and flip `n_pb` axes as (order, signs); the first leaves all as it is.
+def symmetries(n_pb: int) -> tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]:
+    """Return every way to swap and flip `n_pb` axes as (order, signs); the first is the identity.
 
     Example:
-        >>> len(turns(2)), turns(2)[0]
+        >>> len(symmetries(2)), symmetries(2)[0]
         (8, ((0, 1), (1.0, 1.0)))
     """
     swaps = itertools.permutations(range(n_pb))
@@ -123,7 +124,7 @@ def turns(n_pb: int) -> tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]:
 
 
 def _cell_table(order: tuple[int, ...], signs: tuple[float, ...]) -> np.ndarray:
-    """Return, for each of the agent's cells, the place of the environment's cell it is."""
+    """Return, for each of the agent's cells, the index of the environment's cell it is."""
     n_pb = len(order)
     strides = N_CELLS ** np.arange(n_pb)
     agents = np.arange(N_CELLS**n_pb)[:, None] // strides % N_CELLS

@@ -162,7 +162,7 @@ class Agent(ABC):
 
 
 class MovementAgent(Agent):
-    """Chooses one PB vector for each movement. A subclass defines `next_pb`, and `judge` where it learns.
+    """Chooses one PB vector for each movement. A subclass defines `next_pb`, and `learn_movement` where it learns.
 
     Where a movement takes several decisions (`CreativeNao/BoxingModulation-v0`), the PB vector is held until the
     movement is scored, so that every reward belongs to one point of the PB space.
@@ -179,17 +179,17 @@ class MovementAgent(Agent):
         return self._held
 
     def learn(self, pb: np.ndarray, observation: np.ndarray, reward: float, info: Mapping[str, Any]) -> None:
-        """Judge the movement if it has ended: while it unfolds, `info` tells its tick and no outcome yet."""
+        """Learn from a movement that has ended; before its last tick `info` has a `tick` and no `outcome`."""
         if "tick" in info and "outcome" not in info:
             return
         self._held = None
-        self.judge(reward, info)
+        self.learn_movement(reward, info)
 
     @abstractmethod
     def next_pb(self) -> np.ndarray:
         """Return the PB vector of the next movement, shape (n_pb,)."""
 
-    def judge(self, reward: float, info: Mapping[str, Any]) -> None:
+    def learn_movement(self, reward: float, info: Mapping[str, Any]) -> None:
         """Take in what the last movement earned; ignored unless a subclass says otherwise."""
 
 
@@ -216,7 +216,7 @@ class BatchSearch(MovementAgent):
             self._batch, self._rewards, self._descriptors = np.asarray(self.propose(), np.float64), [], []
         return self._batch[len(self._rewards)]
 
-    def judge(self, reward: float, info: Mapping[str, Any]) -> None:
+    def learn_movement(self, reward: float, info: Mapping[str, Any]) -> None:
         """Keep a result; hand the batch back when it is complete."""
         self._rewards.append(reward)
         self._descriptors.append(self.describe(info))

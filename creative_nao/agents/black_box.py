@@ -235,7 +235,7 @@ class BayesianAgent(MovementAgent):
             self._trial = self._study.ask(self._space)
         return np.array([self._trial.params[name] for name in self._space])
 
-    def judge(self, reward: float, info: Mapping[str, Any]) -> None:
+    def learn_movement(self, reward: float, info: Mapping[str, Any]) -> None:
         """Add what the movement earned to the study."""
         with self._quiet():
             self._study.tell(self._trial, reward)
@@ -276,7 +276,7 @@ class OracleAgent(MovementAgent):
 
     name: ClassVar[str] = "oracle"
     _last_plan: ClassVar[tuple[weakref.ref[Any], OracleSettings, np.ndarray] | None] = None
-    """The last plan made, of any oracle: repetitions of an episode chart their memory once."""
+    """The last plan made, of any oracle: repetitions of an episode map their memory once."""
 
     def __init__(self, settings: OracleSettings | None = None):
         self.settings = settings_or_default(settings, OracleSettings)
@@ -285,13 +285,13 @@ class OracleAgent(MovementAgent):
         """Compute the map, unless the last episode of an oracle was one of the same memory.
 
         Raises:
-            SettingsError: If the context has no memory that can be charted, or nothing on the map is appropriate.
+            SettingsError: If the context has no memory that generates movements, or nothing on the map is appropriate.
         """
         super().start(context)
         if not hasattr(context.memory, "generate"):
             raise SettingsError(
-                f"agent `{self.name}` charts the memory first: `context.memory` should generate movements, "
-                f"but is {type(context.memory).__name__}"
+                f"agent `{self.name}` maps the memory first: `context.memory` should generate movements, but is "
+                f"{type(context.memory).__name__}"
             )
         self._plan = self._plan_of(context.memory)
         self._place = 0
@@ -314,9 +314,9 @@ class OracleAgent(MovementAgent):
 
     def _chosen(self, memory: Any, n_actions: int) -> np.ndarray:
         """Return the first `n_actions` greedy choices; those of a shorter plan are their beginning."""
-        chart = pb_map(memory, resolution=self.settings.resolution)
-        assert chart.trajectories is not None
-        if not chart.appropriate.any():
+        scored = pb_map(memory, resolution=self.settings.resolution)
+        assert scored.trajectories is not None
+        if not scored.appropriate.any():
             raise SettingsError(f"agent `{self.name}`: nothing on the map of this memory is appropriate")
-        best = farthest_points(chart.trajectories, memory.demonstrations, n_actions, chart.appropriate)
-        return chart.pb[best.indices]
+        best = farthest_points(scored.trajectories, memory.demonstrations, n_actions, scored.appropriate)
+        return scored.pb[best.indices]

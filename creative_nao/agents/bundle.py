@@ -99,8 +99,8 @@ def _as_box(value: Any) -> Box:
         return value
     if not isinstance(value, dict):
         raise ValueError("a JSON object")
-    told = _BoxRecord(**value)
-    return Box(np.array(told.low, np.float32), np.array(told.high, np.float32), dtype=np.float32)
+    sides = _BoxRecord(**value)
+    return Box(np.array(sides.low, np.float32), np.array(sides.high, np.float32), dtype=np.float32)
 
 
 def _describe_box(space: Box) -> dict[str, Any]:
@@ -154,9 +154,9 @@ class BundleHeader:
 
     def make_policy(self) -> BasePolicy:
         """Return the untrained policy network that it describes."""
-        told = self.hyperparameters
-        return find_algorithm(told.algorithm).policy_class(told.policy)(
-            self.observation_space, self.action_space, lambda _: 0.0, **resolve_policy_kwargs(told.policy_kwargs)
+        chosen = self.hyperparameters
+        return find_algorithm(chosen.algorithm).policy_class(chosen.policy)(
+            self.observation_space, self.action_space, lambda _: 0.0, **resolve_policy_kwargs(chosen.policy_kwargs)
         )
 
 

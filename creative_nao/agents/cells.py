@@ -1,13 +1,11 @@
-"""A distribution over the cells of the PB space that observations tell about, and a network that weighs every cell.
+"""Policies of PPO and SAC over the cells of the PB space that observations tell about, and their distribution.
 
 The usual policy, a normal distribution around one point, cannot say "any cell that is still empty" or "beside one of
-the two good ones". Here every cell of the coverage map gets a probability, by a small convolutional network that weighs
-each by its surroundings, and a point is drawn uniformly within the cell. What the network learns about a neighbourhood
-in one place it knows in every place, and on every memory.
+the two good ones". Here every cell of the coverage map gets a probability from a small convolutional network over its
+neighbourhood, and a point is drawn uniformly within the cell. What the network learns about a neighbourhood in one
+place holds in every place, and on every memory.
 
-Also here:
-- PPO's policy and value over the cells of the PB space; see `cells`.
-- SAC's actor and critics over the cells of the PB space; see `cells`.
+Names of modules (`weights`, `weigh`, `others`) are names of weights in bundles.
 """
 
 from __future__ import annotations
@@ -130,14 +128,14 @@ class CellFeatures(nn.Module):
         cells = observations[:, self._cells]
         tried = (cells != 0.0).float()
         last = cells_at(observations[:, : self.n_pb])[:, None] == torch.arange(cells.shape[1])
-        told = torch.stack([tried, (cells < 0.0).float(), cells.clamp(min=0.0), last.float() * tried], dim=1)
+        maps = torch.stack([tried, (cells < 0.0).float(), cells.clamp(min=0.0), last.float() * tried], dim=1)
         places = self.places.expand(len(cells), *self.places.shape)
         others = torch.cat([observations[:, self.n_pb : self._cells.start], observations[:, self._cells.stop :]], dim=1)
-        return torch.cat([told.unflatten(2, self._shape), places], dim=1), others
+        return torch.cat([maps.unflatten(2, self._shape), places], dim=1), others
 
 
 class CellWeights(nn.Module):
-    """Weighs every cell by its surroundings and by the rest of what is observed.
+    """Scores every cell by convolutions over its neighbourhood and by the rest of what is observed.
 
     Args:
         features: Turns observations into maps.
@@ -161,16 +159,16 @@ class CellWeights(nn.Module):
         nn.init.zeros_(self.weigh.weight)  # every cell is as good as another before any training
         nn.init.zeros_(self.weigh.bias)
 
-    def forward(self, told: torch.Tensor, others: torch.Tensor) -> torch.Tensor:
-        """Return a weight for each cell, (n, N_CELLS ** n_pb), from what `CellFeatures` returns."""
-        everywhere = self.others(others)[(..., *[None] * (told.ndim - 2))]
+    def forward(self, maps: torch.Tensor, others: torch.Tensor) -> torch.Tensor:
+        """Return a score for each cell, (n, N_CELLS ** n_pb), from what `CellFeatures` returns."""
+        everywhere = self.others(others)[(..., *[None] * (maps.ndim - 2))]
         for place, layer in enumerate(self.hidden):
-            told = torch.relu(layer(told) + everywhere) if place == 0 else torch.relu(layer(told))
-        return self.weigh(told).flatten(1)
+            maps = torch.relu(layer(maps) + everywhere) if place == 0 else torch.relu(layer(maps))
+        return self.weigh(maps).flatten(1)
 
 
 class CellNetwork(nn.Module):
-    """Weighs the cells, and reads the value of a situation from what is known of it as a whole.
+    """Scores the cells for the policy, and computes features of the value from the maps as a whole.
 
     Args:
         features: Turns observations into maps.
@@ -182,14 +180,14 @@ class CellNetwork(nn.Module):
         super().__init__()
         self.features = features
         self.weights = CellWeights(features, width, n_layers)
-        n_told, n_hidden = features.n_channels + features.n_others, 2 * width
-        self.value = nn.Sequential(nn.Linear(n_told, n_hidden), nn.Tanh(), nn.Linear(n_hidden, n_hidden), nn.Tanh())
+        n_inputs, n_hidden = features.n_channels + features.n_others, 2 * width
+        self.value = nn.Sequential(nn.Linear(n_inputs, n_hidden), nn.Tanh(), nn.Linear(n_hidden, n_hidden), nn.Tanh())
         self.latent_dim_pi, self.latent_dim_vf = N_CELLS**features.n_pb, n_hidden
 
     def forward(self, observations: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return logits of the cells (n, N_CELLS ** n_pb) and what the value is read from (n, 2 * width)."""
-        told, others = self.features(observations)
-        return self.weights(told, others), self._valued(told, others)
+        maps, others = self.features(observations)
+        return self.weights(maps, others), self._valued(maps, others)
 
     def forward_actor(self, observations: torch.Tensor) -> torch.Tensor:
         """Return logits of the cells, (n, N_CELLS ** n_pb)."""
@@ -199,8 +197,8 @@ class CellNetwork(nn.Module):
         """Return what the value is read from, (n, 2 * width)."""
         return self._valued(*self.features(observations))
 
-    def _valued(self, told: torch.Tensor, others: torch.Tensor) -> torch.Tensor:
-        return self.value(torch.cat([told.flatten(2).mean(dim=2), others], dim=1))
+    def _valued(self, maps: torch.Tensor, others: torch.Tensor) -> torch.Tensor:
+        return self.value(torch.cat([maps.flatten(2).mean(dim=2), others], dim=1))
 
 
 class CellPolicy(ActorCriticPolicy):
@@ -300,8 +298,8 @@ class CellCritic(BaseModel):
 
     def forward(self, obs: torch.Tensor, actions: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Return each network's values (n, 1): of the actions' cells, or of the distribution the actions carry."""
-        told = self.features(obs)
-        maps = [values(*told) for values in self.values]
+        inputs = self.features(obs)
+        maps = [values(*inputs) for values in self.values]
         probabilities = getattr(actions, _CARRIED, None)
         if probabilities is not None:
             return tuple((probabilities * one).sum(dim=1, keepdim=True) for one in maps)

@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from creative_nao import schema
 from creative_nao.agents.algorithms import policy_name
 from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.envs.state import EnvState
 from creative_nao.errors import FileFormatError, SettingsError, shown
-from creative_nao.schema import JsonObject, Version1, parse, record
+from creative_nao.schema import JsonObject, Version1, parse
 
 KIND = "agent checkpoint"
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
@@ -212,18 +213,18 @@ def _layers(model: Any) -> tuple[Any, Any, Any]:
 
     monitor = model.get_env()
     adapter = getattr(monitor, "venv", None)
-    turned = adapter if isinstance(adapter, FlippedSwappedAxes) else None
-    native = getattr(adapter if turned is None else turned.venv, "venv", None)
+    augmented = adapter if isinstance(adapter, FlippedSwappedAxes) else None
+    native = getattr(adapter if augmented is None else augmented.venv, "venv", None)
     if not hasattr(native, "get_state"):
         raise SettingsError(
             f"{monitor}: its environments have no `get_state`, so no checkpoint can be written; "
             "train on one of this project's"
         )
-    return monitor, turned, native
+    return monitor, augmented, native
 
 
 def _capture_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    monitor, turned, native = _layers(model)
+    monitor, augmented, native = _layers(model)
     states = native.get_state()
     values["envs"] = [{"kind": one.kind, "values": one.values, "arrays": sorted(one.arrays)} for one in states]
     for place, one in enumerate(states):
@@ -231,12 +232,12 @@ def _capture_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarr
     arrays["monitor.returns"] = monitor.episode_returns.copy()
     arrays["monitor.lengths"] = monitor.episode_lengths.copy()
     values["monitor"] = int(monitor.episode_count)
-    if turned is not None:
-        values["turned"], arrays["turned"] = turned.get_state()
+    if augmented is not None:
+        values["turned"], arrays["turned"] = augmented.get_state()
 
 
 def _restore_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    monitor, turned, native = _layers(model)
+    monitor, augmented, native = _layers(model)
     native.set_state(
         [
             EnvState(one["kind"], one["values"], {name: arrays[f"env.{place}.{name}"] for name in one["arrays"]})
@@ -246,8 +247,8 @@ def _restore_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarr
     monitor.episode_returns = _like(arrays, "monitor.returns", monitor.episode_returns)
     monitor.episode_lengths = _like(arrays, "monitor.lengths", monitor.episode_lengths)
     monitor.episode_count = _counted("monitor", values["monitor"])
-    if turned is not None:
-        turned.set_state(values["turned"], _like(arrays, "turned", turned.get_state()[1]))
+    if augmented is not None:
+        augmented.set_state(values["turned"], _like(arrays, "turned", augmented.get_state()[1]))
 
 
 def _like(arrays: dict[str, np.ndarray], name: str, example: np.ndarray | None) -> np.ndarray:
@@ -333,7 +334,7 @@ class TrainingRecord:
         self.evaluations.append(rewards)
 
 
-@record
+@schema.record
 class _Header:
     """Of a checkpoint."""
 
@@ -388,8 +389,8 @@ def load_checkpoint(path: Path, plan: dict[str, Any]) -> tuple[TrainingRecord, T
         for prefix in ("state.", "best.")
     )
     rows = [tuple(row) for row in evaluations.tolist()] if len(evaluations) else []
-    told = TrainingRecord(ends.tolist(), rewards.tolist(), evaluation_ends.tolist(), rows, best)
-    return told, TrainingState(header.state, state)
+    record = TrainingRecord(ends.tolist(), rewards.tolist(), evaluation_ends.tolist(), rows, best)
+    return record, TrainingState(header.state, state)
 
 
 def check_weights(weights: dict[str, np.ndarray], policy: Any) -> None:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from creative_nao import schema
 from creative_nao.agents.algorithms import find_algorithm
 from creative_nao.agents.base import PolicyAgent, check_kind
 from creative_nao.agents.play import check_env, evaluate_agent
@@ -22,13 +23,13 @@ from creative_nao.agents.resume import TrainingRecord, load_checkpoint
 from creative_nao.agents.settings import Hyperparameters, PPOSettings, resolve_policy_kwargs, schedule
 from creative_nao.errors import FileFormatError, MissingDependencyError, SettingsError
 from creative_nao.model import SPLITS, split_memories
-from creative_nao.schema import Count, Field, Index, LongText, checked, dump, record
+from creative_nao.schema import Count, Field, Index, LongText, checked, dump
 
 if TYPE_CHECKING:
     from stable_baselines3.common.policies import BasePolicy
 
 
-@record
+@schema.record
 class TrainingPlan:
     """What is trained, and how it is judged meanwhile.
 
@@ -175,9 +176,9 @@ def train_agent(
 
     chosen = check_kind(plan, TrainingPlan, "plan").hyperparameters
     on_policy = find_algorithm(chosen.algorithm).on_policy
-    told, state = TrainingRecord(), None
+    record, state = TrainingRecord(), None
     if resume and checkpoint is not None and checkpoint.is_file():
-        told, state = load_checkpoint(checkpoint, plan.as_json())
+        record, state = load_checkpoint(checkpoint, plan.as_json())
     model = make_model(chosen, plan.env, seed=plan.seed, env_kwargs={**chosen.env_kwargs, "memory": plan.memory})
     memories = memories_of(plan.judged_memory)
 
@@ -187,7 +188,7 @@ def train_agent(
         return tuple(one.reward for one in evaluate_agent(agent, plan.judged_env, memories, plan.judged_seeds))
 
     callback = TrainingCallback(
-        told,
+        record,
         state,
         plan=plan.as_json(),
         on_policy=on_policy,
@@ -210,7 +211,7 @@ def train_agent(
         callback.finish(model)
     finally:
         model.get_env().close()
-    return model.policy, told
+    return model.policy, record
 
 
 def train_ppo(
@@ -238,11 +239,11 @@ def train_ppo(
     """
     from creative_nao.agents.callbacks import EpisodeRecorder
 
-    told, n_planned = TrainingRecord(), check_kind(settings, PPOSettings, "settings").n_generated
+    record, n_planned = TrainingRecord(), check_kind(settings, PPOSettings, "settings").n_generated
     report = None if progress is None else lambda n_done: progress(n_done, n_planned)
     model = make_model(settings.as_hyperparameters(), env_id, seed=seed, env_kwargs=env_kwargs or {})
     try:
-        model.learn(settings.n_timesteps, callback=EpisodeRecorder(told, report))
+        model.learn(settings.n_timesteps, callback=EpisodeRecorder(record, report))
     finally:
         model.get_env().close()
-    return model.policy, TrainingCurve(tuple(told.episode_ends), tuple(told.episode_rewards))
+    return model.policy, TrainingCurve(tuple(record.episode_ends), tuple(record.episode_rewards))

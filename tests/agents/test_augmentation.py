@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box
 
-from creative_nao.agents.augmentation import FlippedSwappedAxes, turns
+from creative_nao.agents.augmentation import FlippedSwappedAxes, symmetries
 from creative_nao.agents.settings import AUGMENTATION, check_entry
 from creative_nao.envs import SB3VecEnv
 from creative_nao.envs.observation import N_CELLS, cells_of
@@ -20,25 +20,25 @@ def wrapped(env=MENTAL, seed=0, n_actions=3):
     return made
 
 
-def test_there_are_eight_ways_with_two_units_and_the_first_changes_nothing():
-    ways = turns(2)
-    assert len(set(ways)) == 8
+def test_there_are_eight_symmetries_with_two_units_and_the_first_changes_nothing():
+    table = symmetries(2)
+    assert len(set(table)) == 8
     pb = np.array([[0.25, -0.5]])
-    assert {tuple(np.array(signs) * pb[0, list(order)]) for order, signs in ways} == {
+    assert {tuple(np.array(signs) * pb[0, list(order)]) for order, signs in table} == {
         (a, b) for x, y in ((0.25, 0.5), (0.5, 0.25)) for a in (x, -x) for b in (y, -y)
     }
     env = wrapped()
     first = np.zeros(1, np.int64)
     observation = np.linspace(-1.0, 1.0, 85, dtype=np.float32)[None]
-    assert np.array_equal(env.as_meant(pb, first), pb)
-    assert np.array_equal(env.as_seen(observation, first), observation)
+    assert np.array_equal(env.to_env(pb, first), pb)
+    assert np.array_equal(env.to_agent(observation, first), observation)
 
 
 @pytest.mark.parametrize(("env", "n_decisions"), [(MENTAL, 1), ("CreativeNao/BoxingModulation-v0", 10)])
 def test_the_agent_sees_its_own_actions_in_its_own_cells(env, n_decisions):
     turned = wrapped(env)
     turned.reset()
-    turned.chosen = np.arange(N)  # every way once
+    turned.symmetry = np.arange(N)  # every way once
     plain = SB3VecEnv(env, N, n_threads=1, memory="half/0", n_actions=3)
     plain.reset()
     rng = np.random.default_rng(0)
@@ -46,7 +46,7 @@ def test_the_agent_sees_its_own_actions_in_its_own_cells(env, n_decisions):
     for decision in range(2 * n_decisions):
         pb = rng.uniform(-1.0, 1.0, (N, 2)).astype(np.float32)
         seen, rewards, _, _ = turned.step(pb)
-        meant, expected, _, _ = plain.step(turned.as_meant(pb, turned.chosen))
+        meant, expected, _, _ = plain.step(turned.to_env(pb, turned.symmetry))
         assert np.array_equal(rewards, expected)
         assert np.array_equal(seen[:, :2], pb)
         column = np.floor((pb + 1.0) / 2.0 * N_CELLS).astype(int)
@@ -61,13 +61,13 @@ def test_the_agent_sees_its_own_actions_in_its_own_cells(env, n_decisions):
 def test_every_episode_is_turned_anew_and_its_last_observation_as_before():
     env = wrapped(n_actions=2)
     env.reset()
-    before = env.chosen.copy()
+    before = env.symmetry.copy()
     env.step(np.full((N, 2), 0.3, np.float32))
-    assert np.array_equal(env.chosen, before)
+    assert np.array_equal(env.symmetry, before)
     pb = np.tile(np.array([[0.1, -0.7]], np.float32), (N, 1))
     seen, _, ended, infos = env.step(pb)
     assert ended.all()
-    assert not np.array_equal(env.chosen, before)
+    assert not np.array_equal(env.symmetry, before)
     for info in infos:
         assert np.array_equal(info["terminal_observation"][:2], pb[0])
     assert not seen.any()
@@ -78,16 +78,16 @@ def test_the_seed_decides_how_episodes_are_turned():
     for seed in (3, 3, 4):
         env = wrapped(seed=seed)
         env.reset()
-        drawn.append(env.chosen.tolist())
+        drawn.append(env.symmetry.tolist())
     assert drawn[0] == drawn[1] != drawn[2]
 
 
 def test_every_way_turns_up_about_equally_often():
     env = wrapped(n_actions=1)
     env.reset()
-    counts = np.zeros(env.n_ways)
+    counts = np.zeros(env.n_symmetries)
     for _ in range(100):
-        np.add.at(counts, env.chosen, 1)
+        np.add.at(counts, env.symmetry, 1)
         env.step(np.zeros((N, 2), np.float32))
     assert counts.min() > 0.7 * counts.mean()  # 100 expected each, standard deviation 9.4
 

@@ -100,5 +100,5 @@ def test_when_nothing_is_left_the_last_choice_is_repeated(env):
 
 
 def test_the_oracle_without_a_memory_that_generates_says_so(env):
-    with pytest.raises(SettingsError, match=r"agent `oracle` charts the memory first: .* but is NoneType"):
+    with pytest.raises(SettingsError, match=r"agent `oracle` maps the memory first: .* but is NoneType"):
         begin(OracleAgent(), env, None)
