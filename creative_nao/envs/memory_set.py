@@ -20,7 +20,7 @@ from creative_nao.model import SPLITS, load_memory, split_memories
 class GeneratingMemory(Protocol):
     """What an environment needs of a memory: `model.Memory` has it, and so may anything else.
 
-    `creative_nao.testing.check_memory` tells whether an object keeps the promises.
+    `creative_nao.testing.check_memory` tells whether an object does what is required.
     """
 
     @property

@@ -1,10 +1,7 @@
-"""What all checks share: the error that names a broken promise, and how results are held against it.
+"""Conformance checks of memories, robots, dm_control tasks and environments.
 
-Also here:
-- The promises of a memory: `envs.GeneratingMemory`, and what an environment relies on beyond types.
-- The promises of a robot that performs trajectories, as `robot.Performer` does.
-- The promises of a dm_control environment, in the manner of the tests of dm_control's own suite.
-- The promises of an environment of this project: Gymnasium's, Stable-Baselines3's, and those of its own pages.
+Each check states in its docstring what it requires, and raises a `ConformanceError` that names the first requirement
+that is not met.
 """
 
 from __future__ import annotations
@@ -18,22 +15,22 @@ import numpy as np
 
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.errors import CreativeNaoError
-from creative_nao.measures.outcome import ALL_OUTCOMES
+from creative_nao.measures.outcome import ALL_OUTCOMES, APPROPRIATE
 from creative_nao.robot import PhysicalLimits, failures
 
 
 class ConformanceError(CreativeNaoError, AssertionError):
-    """A promise is broken; the message says which, what was expected and what came."""
+    """A requirement is not met; the message says which, what was expected and what came."""
 
 
-def demand(kept: Any, promise: str, found: object) -> None:
-    """Raise unless a promise is kept.
+def require(met: Any, requirement: str, found: object) -> None:
+    """Raise unless a requirement is met.
 
     Raises:
-        ConformanceError: Saying the promise and what was found instead.
+        ConformanceError: With the requirement and what was found instead.
     """
-    if not kept:
-        raise ConformanceError(f"{promise}, but found {found}")
+    if not met:
+        raise ConformanceError(f"{requirement}, but found {found}")
 
 
 def same(one: Any, other: Any) -> bool:
@@ -55,7 +52,7 @@ N_POINTS = 7
 def check_memory(memory: Any, *, seed: int = 0) -> None:
     """Check whatever generates trajectories from PB points.
 
-    The promises: `demonstrations` are the basic actions, `pb` (n_actions, n_pb) in [-1, 1] where they lie, `joints`
+    Required: `demonstrations` are the basic actions, `pb` (n_actions, n_pb) in [-1, 1] where they lie, `joints`
     and `dt_s` those of the demonstrations. `generate(pb, n_steps=None)` takes (n, n_pb) and returns finite float64
     angles [rad], (n, n_steps, n_joints), as long as the longest basic action unless told; it leaves its argument
     alone, gives the same bits again, for a point alone and in any order, and begins everywhere with the same posture.
@@ -65,33 +62,29 @@ def check_memory(memory: Any, *, seed: int = 0) -> None:
         seed: Seed of the points tried.
 
     Raises:
-        ConformanceError: If a promise is broken.
+        ConformanceError: If a requirement is not met.
     """
-    taught = getattr(memory, "demonstrations", None)
-    demand(isinstance(taught, Demonstrations), "`demonstrations` should be a Demonstrations", type(taught).__name__)
-    assert isinstance(taught, Demonstrations)
-    known = _check_learned_pb(memory, taught.n_actions)
+    basic: Any = getattr(memory, "demonstrations", None)
+    require(isinstance(basic, Demonstrations), "`demonstrations` should be a Demonstrations", type(basic).__name__)
+    known = _check_learned_pb(memory, basic.n_actions)
     for name in ("joints", "dt_s"):
-        expected, found = getattr(taught, name), getattr(memory, name, None)
-        demand(found == expected, f"`{name}` should be that of the demonstrations, {expected}", found)
+        expected, found = getattr(basic, name), getattr(memory, name, None)
+        require(found == expected, f"`{name}` should be that of the demonstrations, {expected}", found)
     pb = np.random.default_rng(seed).uniform(-1, 1, (N_POINTS, known.shape[1]))
-    n_steps = max(len(trajectory) for trajectory in taught.trajectories)
-    generated = _check_form(memory, pb, n_steps, len(taught.joints))
+    n_steps = max(len(trajectory) for trajectory in basic.trajectories)
+    generated = _check_form(memory, pb, n_steps, len(basic.joints))
     _check_repeatable(memory, pb, generated)
     shorter = memory.generate(pb, n_steps=n_steps - 1)
-    demand(np.shape(shorter)[1:2] == (n_steps - 1,), f"n_steps={n_steps - 1} should be obeyed", np.shape(shorter))
+    require(np.shape(shorter)[1:2] == (n_steps - 1,), f"n_steps={n_steps - 1} should be obeyed", np.shape(shorter))
     start = generated[:, 0]
-    demand((start == start[0]).all(), "row 0 should be one initial posture, whatever the PB", "several")
+    require((start == start[0]).all(), "row 0 should be one initial posture, whatever the PB", "several")
 
 
 def _check_learned_pb(memory: Any, n_actions: int) -> np.ndarray:
     pb = np.asarray(getattr(memory, "pb", None))
-    demand(
-        pb.ndim == 2 and len(pb) == n_actions and pb.shape[1] > 0,
-        f"`pb` should have shape ({n_actions}, n_pb), a row for each basic action",
-        pb.shape,
-    )
-    demand(np.isfinite(pb).all() and (np.abs(pb) <= 1).all(), "`pb` should lie in [-1, 1]", pb.tolist())
+    shaped = pb.ndim == 2 and len(pb) == n_actions and pb.shape[1] > 0
+    require(shaped, f"`pb` should have shape ({n_actions}, n_pb), a row for each basic action", pb.shape)
+    require(np.isfinite(pb).all() and (np.abs(pb) <= 1).all(), "`pb` should lie in [-1, 1]", pb.tolist())
     return pb
 
 
@@ -99,21 +92,21 @@ def _check_form(memory: Any, pb: np.ndarray, n_steps: int, n_joints: int) -> np.
     given = pb.copy()
     generated = memory.generate(given)
     expected = (len(pb), n_steps, n_joints)
-    demand(isinstance(generated, np.ndarray), "`generate` should return an array", type(generated).__name__)
-    demand(generated.shape == expected, f"`generate` should return shape {expected}", generated.shape)
-    demand(generated.dtype == np.float64, "`generate` should return float64", generated.dtype)
-    demand(np.isfinite(generated).all(), "`generate` should return finite angles", "angles that are not")
-    demand(same(given, pb), "`generate` should leave its argument alone", "it changed")
+    require(isinstance(generated, np.ndarray), "`generate` should return an array", type(generated).__name__)
+    require(generated.shape == expected, f"`generate` should return shape {expected}", generated.shape)
+    require(generated.dtype == np.float64, "`generate` should return float64", generated.dtype)
+    require(np.isfinite(generated).all(), "`generate` should return finite angles", "angles that are not")
+    require(same(given, pb), "`generate` should leave its argument alone", "it changed")
     return generated
 
 
 def _check_repeatable(memory: Any, pb: np.ndarray, generated: np.ndarray) -> None:
-    demand(same(memory.generate(pb), generated), "the same points should give the same bits again", "others")
+    require(same(memory.generate(pb), generated), "the same points should give the same bits again", "others")
     for place in (0, len(pb) - 1):
         alone = memory.generate(pb[place : place + 1])[0]
-        demand(same(alone, generated[place]), "a point alone should give the bits it has in a batch", "others")
+        require(same(alone, generated[place]), "a point alone should give the bits it has in a batch", "others")
     backwards = memory.generate(pb[::-1].copy())[::-1]
-    demand(same(backwards.copy(), generated), "the order of the points should change no bit", "it does")
+    require(same(backwards.copy(), generated), "the order of the points should change no bit", "it does")
 
 
 _MEASURED = ("measured", "commanded")
@@ -125,56 +118,53 @@ def check_performer(
 ) -> None:
     """Check a robot that performs trajectories.
 
-    The promises: `perform(trajectory, dt_s)` returns a `robot.Performance` whose `measured` is finite and of the shape
+    Required: `perform(trajectory, dt_s)` returns a `robot.Performance` whose `measured` is finite and of the shape
     of the trajectory, whose shares lie in [0, 1] and whose errors are not negative. It leaves the trajectory alone and
     gives the same bits again, also after another movement: every performance starts from the same state. Standing
-    still in the first posture trips nothing, and the robot can do what it was taught: every basic action passes.
+    still in the first posture is no failure, and neither is any basic action.
 
     Args:
         performer: The robot.
-        demonstrations: What it was taught; default: the six shipped basic actions.
+        demonstrations: Its basic actions; default: the six shipped ones.
         limits: From where on a performance counts as failed; default: the project's.
 
     Raises:
-        ConformanceError: If a promise is broken.
+        ConformanceError: If a requirement is not met.
     """
-    taught = demonstrations or load_demonstrations()
-    first, *_, last = taught.trajectories
+    basic = demonstrations or load_demonstrations()
+    first, *_, last = basic.trajectories
     still = np.repeat(first[:1], len(first), axis=0)
-    _performer_check_form(performer, still, taught.dt_s)
-    _check_passes("standing still in the first posture", performer.perform(still, taught.dt_s), limits)
-    kept = performer.perform(first, taught.dt_s)
-    performer.perform(last, taught.dt_s)
-    again = performer.perform(first, taught.dt_s)
+    _check_performance(performer, still, basic.dt_s)
+    _check_passes("standing still in the first posture", performer.perform(still, basic.dt_s), limits)
+    kept = performer.perform(first, basic.dt_s)
+    performer.perform(last, basic.dt_s)
+    again = performer.perform(first, basic.dt_s)
     for name in (*_MEASURED, *_PER_JOINT):
-        demand(
-            same(getattr(kept, name), getattr(again, name)),
-            f"the same movement should give the same bits of `{name}` again, also after another movement",
-            "others",
-        )
-    for name, trajectory in zip(taught.names, taught.trajectories, strict=True):
-        _check_passes(f"basic action {name}", performer.perform(trajectory, taught.dt_s), limits)
+        equal = same(getattr(kept, name), getattr(again, name))
+        require(equal, f"the same movement should give the same bits of `{name}` again, whatever came before", "others")
+    for name, trajectory in zip(basic.names, basic.trajectories, strict=True):
+        _check_passes(f"basic action {name}", performer.perform(trajectory, basic.dt_s), limits)
 
 
-def _performer_check_form(performer: Any, trajectory: np.ndarray, dt_s: float) -> None:
+def _check_performance(performer: Any, trajectory: np.ndarray, dt_s: float) -> None:
     given = trajectory.copy()
     done = performer.perform(given, dt_s)
-    demand(same(given, trajectory), "`perform` should leave the trajectory alone", "it changed")
+    require(same(given, trajectory), "`perform` should leave the trajectory alone", "it changed")
     for name in _MEASURED:
         found = np.asarray(getattr(done, name, None))
-        demand(found.shape == trajectory.shape, f"`{name}` should have shape {trajectory.shape}", found.shape)
-        demand(np.isfinite(found).all(), f"`{name}` should be finite", "angles that are not")
+        require(found.shape == trajectory.shape, f"`{name}` should have shape {trajectory.shape}", found.shape)
+        require(np.isfinite(found).all(), f"`{name}` should be finite", "angles that are not")
     for name in _PER_JOINT:
         found = np.asarray(getattr(done, name, None))
-        demand(found.shape == trajectory.shape[1:], f"`{name}` should have shape {trajectory.shape[1:]}", found.shape)
-        demand((found >= 0).all(), f"`{name}` should not be negative", found.tolist())
+        require(found.shape == trajectory.shape[1:], f"`{name}` should have shape {trajectory.shape[1:]}", found.shape)
+        require((found >= 0).all(), f"`{name}` should not be negative", found.tolist())
     shares = [*np.asarray(done.saturated_share).tolist(), done.self_collision_share]
-    demand(all(0 <= share <= 1 for share in shares), "shares of the time should lie in [0, 1]", shares)
+    require(all(0 <= share <= 1 for share in shares), "shares of the time should lie in [0, 1]", shares)
 
 
 def _check_passes(what: str, done: Any, limits: PhysicalLimits | None) -> None:
     tripped = failures(done, limits)
-    demand(not tripped, f"{what} should be performable", ", ".join(tripped))
+    require(not tripped, f"{what} should be performable", ", ".join(tripped))
 
 
 N_STEPS = 30
@@ -183,7 +173,7 @@ N_STEPS = 30
 def check_task(load: Callable[..., Any], *, n_steps: int = N_STEPS) -> None:
     """Check a dm_control environment.
 
-    The promises: the action spec is bounded and finite; observations are those of the observation spec, by name, shape
+    Required: the action spec is bounded and finite; observations are those of the observation spec, by name, shape
     and type, and finite; a first step has neither reward nor discount; rewards are finite and discounts in [0, 1],
     whether actions are drawn or at the ends of the range; equal seeds and actions give equal bits; an episode that has
     begun goes on after `reset`.
@@ -193,32 +183,28 @@ def check_task(load: Callable[..., Any], *, n_steps: int = N_STEPS) -> None:
         n_steps: Steps tried of each kind.
 
     Raises:
-        ConformanceError: If a promise is broken.
+        ConformanceError: If a requirement is not met.
     """
     env = load(seed=1)
     spec = env.action_spec()
     low, high = np.asarray(spec.minimum), np.asarray(spec.maximum)
     bounded = np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()
-    demand(bounded, "the action spec should have finite bounds, low below high", (low.tolist(), high.tolist()))
+    require(bounded, "the action spec should have finite bounds, low below high", (low.tolist(), high.tolist()))
     rng = np.random.default_rng(0)
     drawn = [rng.uniform(low, high, spec.shape).astype(spec.dtype) for _ in range(n_steps)]
     ends = [(low if step % 2 else high).astype(spec.dtype) * np.ones(spec.shape, spec.dtype) for step in range(n_steps)]
     for actions in (drawn, ends):
-        for step in _play(env, actions):
+        for step in _play_task(env, actions):
             _check_step(env, step)
-    one, other = (_play(load(seed=7), drawn) for _ in range(2))
-    demand(
-        same([list(step) for step in one], [list(step) for step in other]),
-        "equal seeds should give equal bits",
-        "others",
-    )
+    one, other = ([list(step) for step in _play_task(load(seed=7), drawn)] for _ in range(2))
+    require(same(one, other), "equal seeds should give equal bits", "others")
 
 
-def _play(env: Any, actions: list[np.ndarray]) -> list[Any]:
+def _play_task(env: Any, actions: list[np.ndarray]) -> list[Any]:
     steps = [env.reset()]
     first = steps[0]
-    demand(first.first(), "`reset` should return a first step", first.step_type)
-    demand(first.reward is None and first.discount is None, "a first step should have no reward", first.reward)
+    require(first.first(), "`reset` should return a first step", first.step_type)
+    require(first.reward is None and first.discount is None, "a first step should have no reward", first.reward)
     for action in actions:
         steps.append(env.step(action))
         if steps[-1].last():
@@ -228,19 +214,16 @@ def _play(env: Any, actions: list[np.ndarray]) -> list[Any]:
 
 def _check_step(env: Any, step: Any) -> None:
     expected = env.observation_spec()
-    demand(
-        step.observation.keys() == expected.keys(),
-        f"observations should be those of the spec, {', '.join(expected)}",
-        ", ".join(step.observation),
-    )
+    names, found = ", ".join(expected), ", ".join(step.observation)
+    require(step.observation.keys() == expected.keys(), f"observations should be those of the spec, {names}", found)
     for name, spec in expected.items():
         found = np.asarray(step.observation[name])
-        demand(found.shape == spec.shape, f"observation `{name}` should have shape {spec.shape}", found.shape)
-        demand(found.dtype == spec.dtype, f"observation `{name}` should be {spec.dtype}", found.dtype)
-        demand(np.isfinite(found).all(), f"observation `{name}` should be finite", found.tolist())
+        require(found.shape == spec.shape, f"observation `{name}` should have shape {spec.shape}", found.shape)
+        require(found.dtype == spec.dtype, f"observation `{name}` should be {spec.dtype}", found.dtype)
+        require(np.isfinite(found).all(), f"observation `{name}` should be finite", found.tolist())
     if not step.first():
-        demand(np.isfinite(step.reward), "rewards should be finite", step.reward)
-        demand(0.0 <= step.discount <= 1.0, "discounts should lie in [0, 1]", step.discount)
+        require(np.isfinite(step.reward), "rewards should be finite", step.reward)
+        require(0.0 <= step.discount <= 1.0, "discounts should lie in [0, 1]", step.discount)
 
 
 TERMS = ("outcome", "appropriate", "distance", "known_distance", "nearest_name", "repertoire_size", "reward_novelty")
@@ -250,8 +233,8 @@ TERMS = ("outcome", "appropriate", "distance", "known_distance", "nearest_name",
 def check_environment(make: str | Callable[[], gym.Env], *, n_actions: int = 3) -> None:
     """Check an environment.
 
-    The promises: the checkers of Gymnasium and Stable-Baselines3 find nothing, not even a warning. Equal seeds and
-    actions give equal bits, in two copies and in one that is played again. When a movement has been scored, `info` has
+    Required: the checkers of Gymnasium and Stable-Baselines3 find nothing, not even a warning. Equal seeds and actions
+    give equal bits, in two environments and in one that is played again. When a movement has been scored, `info` has
     all of `TERMS`; the outcome is a known one; what is not appropriate earns 0 and leaves the repertoire as it is, what
     is joins it and earns what `reward_novelty` says; the same movement at once again earns nothing.
 
@@ -260,23 +243,15 @@ def check_environment(make: str | Callable[[], gym.Env], *, n_actions: int = 3) 
         n_actions: Movements played of each kind.
 
     Raises:
-        ConformanceError: If a promise is broken.
+        ConformanceError: If a requirement is not met.
     """
     build: Callable[[], gym.Env] = (lambda: gym.make(make)) if isinstance(make, str) else make
     _check_with_the_checkers(build)
     one, other = build(), build()
     try:
-        first = _environment_play(one, n_actions)
-        demand(
-            same(first, _environment_play(other, n_actions)),
-            "two copies with equal seeds should give equal bits",
-            "others",
-        )
-        demand(
-            same(first, _environment_play(one, n_actions)),
-            "an episode played again should give the same bits",
-            "others",
-        )
+        first = _play_environment(one, n_actions)
+        for env, what in ((other, "two environments with equal seeds"), (one, "an episode played again")):
+            require(same(first, _play_environment(env, n_actions)), f"{what} should give equal bits", "others")
         check_scores(one, n_actions)
     finally:
         one.close()
@@ -299,10 +274,10 @@ def _check_with_the_checkers(build: Callable[[], gym.Env]) -> None:
             env.close()
 
 
-def _environment_play(env: gym.Env, n_actions: int, seed: int = 3) -> list[Any]:
+def _play_environment(env: gym.Env, n_actions: int, seed: int = 3) -> list[Any]:
     rng = np.random.default_rng(seed)
     found: list[Any] = [env.reset(seed=seed)]
-    for _ in range(n_actions * _n_decisions(env)):
+    for _ in range(n_actions * getattr(env.unwrapped, "n_decisions", 1)):
         found.append(env.step(_draw(env, rng)))
     return found
 
@@ -311,7 +286,7 @@ def check_scores(env: gym.Env, n_actions: int) -> None:
     """Check rewards and `info` of an environment alone, which takes a fraction of the time.
 
     Raises:
-        ConformanceError: If a promise of `check_environment` about scores is broken.
+        ConformanceError: If a requirement of `check_environment` about scores is not met.
     """
     env.reset(seed=0)
     rng = np.random.default_rng(0)
@@ -322,46 +297,34 @@ def check_scores(env: gym.Env, n_actions: int) -> None:
         again = _hold(env, pb)
         reward = again[0]
         size = _check_score(again, size)
-        demand(reward == 0.0, "the same movement at once again should earn nothing", reward)
+        require(reward == 0.0, "the same movement at once again should earn nothing", reward)
 
 
 def _check_score(scored: tuple[float, dict[str, Any]], size: int) -> int:
     """Check what was told of one movement; return the size of the repertoire after it."""
     reward, info = scored
     missing = [term for term in TERMS if term not in info]
-    demand(not missing, f"`info` should tell {', '.join(TERMS)}", f"no {', '.join(missing)}")
-    demand(info["outcome"] in ALL_OUTCOMES, f"the outcome should be one of {', '.join(ALL_OUTCOMES)}", info["outcome"])
-    usable = info["outcome"] in ("learned", "unlearned")
-    demand(
-        bool(info["appropriate"]) == usable, "learned and unlearned movements alone are appropriate", info["outcome"]
-    )
-    demand(np.isfinite(reward) and reward >= 0, "rewards should be finite and not negative", reward)
-    demand(usable or reward == 0.0, "what is not appropriate should earn 0", reward)
-    demand(
-        np.isclose(reward, info["reward_novelty"]),
-        "the reward should be what `info` says",
-        (reward, info["reward_novelty"]),
-    )
+    require(not missing, f"`info` should tell {', '.join(TERMS)}", f"no {', '.join(missing)}")
+    require(info["outcome"] in ALL_OUTCOMES, f"the outcome should be one of {', '.join(ALL_OUTCOMES)}", info["outcome"])
+    usable = info["outcome"] in APPROPRIATE
+    matches = bool(info["appropriate"]) == usable
+    require(matches, "learned and unlearned movements alone should be appropriate", info["outcome"])
+    require(np.isfinite(reward) and reward >= 0, "rewards should be finite and not negative", reward)
+    require(usable or reward == 0.0, "what is not appropriate should earn 0", reward)
+    told, held = info["reward_novelty"], info["repertoire_size"]
+    require(np.isclose(reward, told), "the reward should be what `info` says", (reward, told))
     expected = size + usable
-    demand(
-        info["repertoire_size"] == expected,
-        f"the repertoire should hold {expected}: appropriate movements join it, others do not",
-        info["repertoire_size"],
-    )
+    require(held == expected, f"the repertoire should hold {expected}: what is appropriate joins it, else not", held)
     return expected
 
 
 def _hold(env: gym.Env, pb: np.ndarray) -> tuple[float, dict[str, Any]]:
     """Hold a PB point for a whole movement; return what it earned and what was told at its end."""
     total, info = 0.0, {}
-    for _ in range(_n_decisions(env)):
+    for _ in range(getattr(env.unwrapped, "n_decisions", 1)):
         _, reward, _, _, info = env.step(pb)
         total += float(reward)
     return total, info
-
-
-def _n_decisions(env: gym.Env) -> int:
-    return getattr(env.unwrapped, "n_decisions", 1)
 
 
 def _draw(env: gym.Env, rng: np.random.Generator) -> np.ndarray:
