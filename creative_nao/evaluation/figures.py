@@ -122,8 +122,7 @@ def _draw_film(
         return {}
     rows = [row for row in results["rows"] if (row["env"], row["memory"]) == (env, memory)]
     best = max(rows, key=lambda row: row["reward"]["mean"])["agent"]
-    episode = next(e for e in measured.episodes if (e.env, e.memory, e.agent) == (env, memory, best))
-    drawn = film(found, episode)
+    drawn = film(found, measured.of(memory, env, best)[0])
     return {} if drawn is None else {"film": drawn}
 
 
@@ -206,7 +205,7 @@ def choices(suite: Suite, measured: Measured, scored: PBMap, memory: str, env: s
         ax.remove()
     for ax, agent in zip(axes, suite.agents, strict=False):
         _ground(ax, scored, agent_label(agent))
-        first, *others = [e for e in measured.episodes if (e.memory, e.env, e.agent) == (memory, env, agent)]
+        first, *others = measured.of(memory, env, agent)
         for episode in others:
             points = np.array([[a.pb_1, a.pb_2] for a in episode.actions])
             ax.plot(*points.T, "o", color=INK, markersize=3.2, markeredgecolor="white", markeredgewidth=0.5)

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from creative_nao.evaluation.protocol import Episode
-from creative_nao.evaluation.results import Entry, Measured, Oracle
+from creative_nao.evaluation.results import Entry, Measured
 from creative_nao.evaluation.suites import Suite
 from creative_nao.evaluation.tables import env_label
 from creative_nao.maps.colours import BLUE, FAINT, GREEN, INK, ORANGE, OUTCOME_COLOURS
@@ -64,10 +65,8 @@ WIDTH = 8.6
 """Of a figure [inch]."""
 MAX_BINS = 40
 """Most points of a training curve; each is a mean over the episodes that ended in its stretch."""
-
 FEW = 4
 """Most agents whose curves have bands, and room for a legend between them."""
-
 ORACLE = {"color": INK, "linestyle": (0, (1, 1.5)), "linewidth": 1.6}
 
 
@@ -77,25 +76,21 @@ def rewards(suite: Suite, results: Mapping[str, Any], measured: Measured, memory
     for ax, env in zip(axes, suite.envs, strict=True):
         for place, agent in enumerate(reversed(suite.agents)):
             row = next(r for r in results["rows"] if (r["agent"], r["env"], r["memory"]) == (agent, env, memory))
-            episodes = _episodes(measured, memory, env, agent)
-            colour = agent_colour(agent)
-            spread = np.linspace(0.12, 0.3, len(episodes))
-            ax.scatter([e.reward for e in episodes], place - spread, s=14, color=colour, alpha=0.45, linewidths=0)
-            reward = row["reward"]
-            if reward["low"] is not None:
-                ax.plot(
-                    [reward["low"], reward["high"]], [place, place], color=colour, linewidth=4, solid_capstyle="round"
-                )
-            ax.plot(reward["mean"], place, agent_marker(agent), color="white", mec=colour, mew=2.2, ms=9)
-            ax.annotate(
-                f"{reward['mean']:.1f}", (reward["mean"], place), (0, 9), textcoords="offset points", ha="center"
-            )
+            earned = [episode.reward for episode in measured.of(memory, env, agent)]
+            spread = np.linspace(0.12, 0.3, len(earned))
+            ax.scatter(earned, place - spread, s=14, color=agent_colour(agent), alpha=0.45, linewidths=0)
+            _interval(ax, row["reward"], place, agent, size=9.0, edge=2.2, alpha=1.0)
+            mean = row["reward"]["mean"]
+            ax.annotate(f"{mean:.1f}", (mean, place), (0, 9), textcoords="offset points", ha="center")
         if env in suite.oracle_envs:
-            _oracle_line(ax, measured.oracles[memory])
+            total = sum(measured.oracles[memory].rewards)
+            ax.axvline(total, **ORACLE)
+            ax.annotate(
+                f"oracle {total:.1f}", (total, 1.0), (-4, -2), xycoords=("data", "axes fraction"),
+                textcoords="offset points", ha="right", va="top",
+            )  # fmt: skip
         ax.set(title=f"{env_label(env)} environment", xlabel=f"reward of {suite.n_actions} actions")
-        ax.set_yticks(range(len(suite.agents)), [agent_label(agent) for agent in reversed(suite.agents)])
-        ax.set_ylim(-0.55, len(suite.agents) - 0.4)
-        ax.grid(axis="y", visible=False)
+        _agents_below(ax, suite.agents, margin=0.55)
     _from_zero(axes, "x")
     return drawn
 
@@ -103,18 +98,13 @@ def rewards(suite: Suite, results: Mapping[str, Any], measured: Measured, memory
 def cumulative(suite: Suite, measured: Measured, memory: str) -> Figure:
     """Draw the reward gathered so far against the actions generated: mean over seeds, band from lowest to highest."""
     drawn, axes = figure(WIDTH, 3.6, 1, len(suite.envs), sharey=True, sharex=True)
-    budget = np.arange(suite.n_actions + 1)
     for ax, env in zip(axes, suite.envs, strict=True):
         for agent in suite.agents:
-            gathered = np.array([[a.reward for a in e.actions] for e in _episodes(measured, memory, env, agent)])
-            gathered = np.pad(np.cumsum(gathered, axis=1), ((0, 0), (1, 0)))
-            colour = agent_colour(agent)
+            gathered = np.array([_gathered(episode) for episode in measured.of(memory, env, agent)])
             if len(suite.agents) <= FEW:  # bands of many would hide one another
-                ax.fill_between(
-                    budget, gathered.min(axis=0), gathered.max(axis=0), color=colour, alpha=0.14, linewidth=0
-                )
-            marks = {"marker": agent_marker(agent), "markevery": 5, "markersize": 5}
-            ax.plot(budget, gathered.mean(axis=0), color=colour, linewidth=2, label=agent_label(agent), **marks)
+                band = gathered.min(axis=0), gathered.max(axis=0)
+                ax.fill_between(np.arange(len(band[0])), *band, color=agent_colour(agent), alpha=0.14, linewidth=0)
+            _line(ax, np.arange(gathered.shape[1]), gathered.mean(axis=0), agent, width=2.0, markevery=5)
         if env in suite.oracle_envs:
             best = np.cumsum([0.0, *measured.oracles[memory].rewards])
             ax.plot(np.arange(len(best)), best, label="oracle", **ORACLE)
@@ -122,7 +112,7 @@ def cumulative(suite: Suite, measured: Measured, memory: str) -> Figure:
     _from_zero(axes, "y")
     axes[0].set_ylabel("reward so far")
     if len(suite.agents) > FEW:
-        axes[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        _legend_beside(axes[-1])
     else:
         axes[-1].legend(loc="upper left")
     return drawn
@@ -133,28 +123,25 @@ def training(suite: Suite, measured: Measured, memory: str) -> Figure:
     drawn, (ax,) = figure(WIDTH, 3.6)
     for agent in dict.fromkeys(t.agent for t in measured.trainings if t.memory == memory):
         curves = [t for t in measured.trainings if (t.memory, t.agent) == (memory, agent)]
-        n_bins = min(MAX_BINS, len(set(curves[0].n_actions)))  # copies of an environment end their episodes together
+        n_bins = min(MAX_BINS, len(set(curves[0].n_actions)))  # sub-environments end their episodes together
         edges = np.linspace(0.0, curves[0].n_actions[-1], n_bins + 1)
         centres = 0.5 * (edges[1:] + edges[:-1])
         binned = np.array([_binned(t.n_actions, t.reward, edges) for t in curves])
-        colour = agent_colour(agent)
+        colour, label = agent_colour(agent), f"{agent}, mean of {len(curves)} seeds"
         ax.plot(centres, binned.T, color=colour, linewidth=0.8, alpha=0.35)
-        ax.plot(
-            centres, binned.mean(axis=0), color=colour, linewidth=2.4, label=f"{agent}, mean of {len(curves)} seeds"
-        )
+        ax.plot(centres, binned.mean(axis=0), color=colour, linewidth=2.4, label=label)
     dashes = itertools.cycle(["--", "-.", (0, (8, 3))])
     for agent in suite.agents:
-        level = [e.reward for e in _episodes(measured, memory, suite.training_env, agent)]
+        level = [episode.reward for episode in measured.of(memory, suite.training_env, agent)]
         if level and not any(t.agent == agent for t in measured.trainings):
-            ax.axhline(
-                float(np.mean(level)), color=agent_colour(agent), linewidth=1.8, linestyle=next(dashes), label=agent
-            )
+            look = {"color": agent_colour(agent), "linewidth": 1.8, "linestyle": next(dashes)}
+            ax.axhline(float(np.mean(level)), label=agent, **look)
     if suite.training_env in suite.oracle_envs:
         ax.axhline(sum(measured.oracles[memory].rewards), label="oracle", **ORACLE)
     ax.set(xlabel="actions generated in training", ylabel=f"reward of an episode ({suite.n_actions} actions)")
     _from_zero([ax], "x")
     _from_zero([ax], "y")
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    _legend_beside(ax)
     return drawn
 
 
@@ -162,22 +149,17 @@ def outcomes(suite: Suite, measured: Measured, memory: str) -> Figure:
     """Draw what became of all generated actions, as shares, per agent and environment."""
     pairs = [(env, agent) for env in suite.envs for agent in suite.agents]
     drawn, (ax,) = figure(WIDTH, 1.3 + 0.34 * len(pairs))
+    counts = [Counter(a.outcome for e in measured.of(memory, *pair) for a in e.actions) for pair in pairs]
     left = np.zeros(len(pairs))
-    counts = [Counter(a.outcome for e in _episodes(measured, memory, *pair) for a in e.actions) for pair in pairs]
-    known = [*OUTCOME_COLOURS, *sorted({name for count in counts for name in count} - set(OUTCOME_COLOURS))]
-    for name in known:
+    for name in (*OUTCOME_COLOURS, *sorted({name for count in counts for name in count} - set(OUTCOME_COLOURS))):
         share = np.array([100.0 * count[name] / max(1, count.total()) for count in counts])
         if not share.any():
             continue
         colour = OUTCOME_COLOURS.get(name, FAINT)
+        dark = np.dot(to_rgb(colour), (0.299, 0.587, 0.114)) < 140.0 / 255.0
         bars = ax.barh(range(len(pairs)), share, left=left, color=colour, label=name.replace("_", " "), height=0.72)
-        ax.bar_label(
-            bars,
-            [f"{value:.0f}" if value >= 4.0 else "" for value in share],
-            label_type="center",
-            color="white" if _dark(colour) else INK,
-            fontsize=8.5,
-        )
+        texts = [f"{value:.0f}" if value >= 4.0 else "" for value in share]
+        ax.bar_label(bars, texts, label_type="center", color="white" if dark else INK, fontsize=8.5)
         left += share
     ax.set_yticks(range(len(pairs)), [f"{agent_label(agent)}, {env_label(env)}" for env, agent in pairs])
     ax.invert_yaxis()
@@ -187,24 +169,71 @@ def outcomes(suite: Suite, measured: Measured, memory: str) -> Figure:
     return drawn
 
 
-def _episodes(measured: Measured, memory: str, env: str, agent: str) -> list[Episode]:
-    return [e for e in measured.episodes if (e.memory, e.env, e.agent) == (memory, env, agent)]
+def standing(results: Mapping[str, Any]) -> Figure:
+    """Draw each agent's mean reward (marker) and interquartile mean (line) with intervals, best above."""
+    drawn, axes, ranked = _one_per_env(results["summary"])
+    for ax, entries in zip(axes, ranked, strict=True):
+        for place, entry in enumerate(reversed(entries)):
+            _interval(ax, entry["reward"], place, entry["agent"])
+            ax.plot([entry["reward_iqm"]["mean"]] * 2, [place - 0.28, place + 0.28], color=INK, linewidth=1.4)
+            if entry["agent"] == results["baseline"]:
+                _reference(ax, entry["reward"]["mean"])
+        ax.set_xlabel("reward of an episode")
+    return drawn
 
 
-def _from_zero(axes: Sequence[Axes], which: str) -> None:
-    """Let the axes begin at zero and end a little beyond everything drawn on any of them."""
-    largest = max(getattr(ax.dataLim, f"{which}max") for ax in axes)
-    for ax in axes:
-        ax.set(**{f"{which}lim": (0.0, 1.06 * largest)})
+def improvement(results: Mapping[str, Any]) -> Figure:
+    """Draw how probable it is that an episode of each agent earns more than one of the baseline."""
+    drawn, axes, ranked = _one_per_env([entry for entry in results["summary"] if entry["versus"] is not None])
+    for ax, entries in zip(axes, ranked, strict=True):
+        for place, entry in enumerate(reversed(entries)):
+            _interval(ax, entry["versus"]["probability_of_improvement"], place, entry["agent"], scale=100.0)
+        _reference(ax, 50.0)
+        baseline = agent_label(results["baseline"])
+        ax.set(xlabel=f"better than an episode of {baseline} [%]", xlim=(0.0, 104.0))
+    return drawn
 
 
-def _oracle_line(ax: Axes, oracle: Oracle) -> None:
-    total = sum(oracle.rewards)
-    ax.axvline(total, **ORACLE)
-    ax.annotate(
-        f"oracle {total:.1f}", (total, 1.0), (-4, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
-        ha="right", va="top",
-    )  # fmt: skip
+def profiles(results: Mapping[str, Any]) -> Figure:
+    """Draw the share of episodes that reach at least a share of the oracle's reward."""
+    entries = [entry for entry in results["summary"] if entry["profile"] is not None and entry["agent"] != "oracle"]
+    drawn, (ax,) = figure(WIDTH, 4.2)
+    largest = 0.0
+    for entry in sorted(entries, key=lambda entry: -entry["oracle_share"]["mean"]):
+        profile = {name: 100.0 * np.array(values) for name, values in entry["profile"].items()}
+        share, low, high = profile["threshold"], profile["low"], profile["high"]
+        ax.fill_between(share, low, high, color=agent_colour(entry["agent"]), alpha=0.12, linewidth=0)
+        _line(ax, share, profile["share_above"], entry["agent"])
+        largest = max(largest, float(share[(high > 0.0).nonzero()[0][-1]]))
+    ax.set(xlabel="share of the oracle's reward [%]", ylabel="episodes above it [%]", ylim=(0.0, 102.0))
+    ax.set_xlim(0.0, min(100.0, largest + 10.0))
+    _legend_beside(ax)
+    return drawn
+
+
+def regret(suite: Suite, measured: Measured) -> Figure:
+    """Draw how far each agent's gathered reward stays behind the oracle's, action by action, over all memories."""
+    drawn, (ax,) = figure(WIDTH, 4.2)
+    best = {
+        memory: np.pad(np.cumsum([0.0, *oracle.rewards]), (0, suite.n_actions - len(oracle.rewards)), mode="edge")
+        for memory, oracle in measured.oracles.items()
+    }
+    curves = {}
+    for agent in suite.agents:
+        episodes = [e for e in measured.episodes if (e.env, e.agent) == (suite.oracle_envs[0], agent)]
+        if episodes:
+            curves[agent] = np.mean([best[episode.memory] - _gathered(episode) for episode in episodes], axis=0)
+    for agent, curve in sorted(curves.items(), key=lambda item: -item[1][-1]):
+        _line(ax, np.arange(len(curve)), curve, agent, markevery=5)
+    ax.set(xlabel="actions generated", ylabel="reward behind the oracle", xlim=(0, suite.n_actions))
+    ax.set_ylim(bottom=0.0)
+    _legend_beside(ax)
+    return drawn
+
+
+def _gathered(episode: Episode) -> np.ndarray:
+    """Return the reward gathered after each action, from 0."""
+    return np.cumsum([0.0, *(action.reward for action in episode.actions)])
 
 
 def _binned(n_actions: Sequence[int], values: Sequence[float], edges: np.ndarray) -> np.ndarray:
@@ -214,116 +243,57 @@ def _binned(n_actions: Sequence[int], values: Sequence[float], edges: np.ndarray
     return np.divide(total, count, out=np.full(len(edges) - 1, np.nan), where=count > 0)
 
 
-def _dark(colour: str) -> bool:
-    red, green, blue = (int(colour[place : place + 2], 16) for place in (1, 3, 5))
-    return 0.299 * red + 0.587 * green + 0.114 * blue < 140
+def _one_per_env(summary: Sequence[Entry]) -> tuple[Figure, list[Axes], list[list[Entry]]]:
+    """Return a figure with axes for each environment, the agents below one another, and its entries, best first."""
+    envs = list(dict.fromkeys(entry["env"] for entry in summary))
+    ranked = [sorted((e for e in summary if e["env"] == env), key=lambda e: -e["reward"]["mean"]) for env in envs]
+    drawn, axes = figure(WIDTH, 1.2 + 0.36 * max(map(len, ranked)), 1, len(envs))
+    for ax, env, entries in zip(axes, envs, ranked, strict=True):
+        _agents_below(ax, [entry["agent"] for entry in entries], margin=0.6)
+        ax.set_title(f"{env_label(env)} environment")
+    return drawn, axes, ranked
 
 
-def standing(results: Mapping[str, Any]) -> Figure:
-    """Draw each agent's mean reward (marker) and interquartile mean (line) with intervals, best above."""
-    envs = list(dict.fromkeys(entry["env"] for entry in results["summary"]))
-    most = max(len(_ranked(results, env)) for env in envs)
-    drawn, axes = figure(WIDTH, 1.2 + 0.36 * most, 1, len(envs))
-    for ax, env in zip(axes, envs, strict=True):
-        entries = _ranked(results, env)
-        for place, entry in enumerate(reversed(entries)):
-            _interval(ax, entry["reward"], place, entry["agent"])
-            ax.plot([entry["reward_iqm"]["mean"]] * 2, [place - 0.28, place + 0.28], color=INK, linewidth=1.4)
-        if results["baseline"] is not None:
-            base = next(entry for entry in entries if entry["agent"] == results["baseline"])
-            ax.axvline(base["reward"]["mean"], color=FAINT, linestyle=(0, (4, 2)), linewidth=1.2, zorder=0)
-        _names(ax, entries)
-        ax.set(title=f"{env_label(env)} environment", xlabel="reward of an episode")
-    return drawn
+def _agents_below(ax: Axes, agents: Sequence[str], margin: float) -> None:
+    ax.set_yticks(range(len(agents)), [agent_label(agent) for agent in reversed(agents)])
+    ax.set_ylim(-margin, len(agents) - 0.4)
+    ax.grid(axis="y", visible=False)
 
 
-def improvement(results: Mapping[str, Any]) -> Figure:
-    """Draw how probable it is that an episode of each agent earns more than one of the baseline."""
-    envs = list(dict.fromkeys(entry["env"] for entry in results["summary"] if entry["versus"] is not None))
-    most = max(len(_ranked(results, env)) for env in envs)
-    drawn, axes = figure(WIDTH, 1.2 + 0.36 * most, 1, len(envs))
-    for ax, env in zip(axes, envs, strict=True):
-        entries = [entry for entry in _ranked(results, env) if entry["versus"] is not None]
-        for place, entry in enumerate(reversed(entries)):
-            _interval(ax, entry["versus"]["probability_of_improvement"], place, entry["agent"], scale=100.0)
-        ax.axvline(50.0, color=FAINT, linestyle=(0, (4, 2)), linewidth=1.2, zorder=0)
-        _names(ax, entries)
-        ax.set(
-            title=f"{env_label(env)} environment",
-            xlabel=f"better than an episode of {agent_label(results['baseline'])} [%]",
-            xlim=(0.0, 104.0),
-        )
-    return drawn
-
-
-def profiles(results: Mapping[str, Any]) -> Figure:
-    """Draw the share of episodes that reach at least a share of the oracle's reward."""
-    entries = sorted(
-        (entry for entry in results["summary"] if entry["profile"] is not None and entry["agent"] != "oracle"),
-        key=lambda entry: -entry["oracle_share"]["mean"],
-    )
-    drawn, (ax,) = figure(WIDTH, 4.2)
-    largest = 0.0
-    for entry in entries:
-        profile, colour = entry["profile"], agent_colour(entry["agent"])
-        share = 100.0 * np.array(profile["threshold"])
-        low, high = (100.0 * np.array(profile[edge]) for edge in ("low", "high"))
-        above = 100.0 * np.array(profile["share_above"])
-        ax.fill_between(share, low, high, color=colour, alpha=0.12, linewidth=0)
-        ax.plot(
-            share, above, color=colour, marker=agent_marker(entry["agent"]), markersize=5, linewidth=1.8,
-            label=agent_label(entry["agent"]),
-        )  # fmt: skip
-        largest = max(largest, float(share[(high > 0.0).nonzero()[0][-1]]))
-    ax.set(xlabel="share of the oracle's reward [%]", ylabel="episodes above it [%]", ylim=(0.0, 102.0))
-    ax.set_xlim(0.0, min(100.0, largest + 10.0))
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return drawn
-
-
-def regret(suite: Suite, measured: Measured) -> Figure:
-    """Draw how far each agent's gathered reward stays behind the oracle's, action by action, over all memories."""
-    drawn, (ax,) = figure(WIDTH, 4.2)
-    budget = np.arange(suite.n_actions + 1)
-    env = suite.oracle_envs[0]
-    best = {
-        memory: np.pad(np.cumsum(_padded(oracle.rewards, suite.n_actions)), (1, 0))
-        for memory, oracle in measured.oracles.items()
-    }
-    curves = {}
-    for agent in suite.agents:
-        episodes = [e for e in measured.episodes if (e.env, e.agent) == (env, agent)]
-        gathered = [np.pad(np.cumsum([a.reward for a in e.actions]), (1, 0)) for e in episodes]
-        if episodes:
-            curves[agent] = np.mean([best[e.memory] - g for e, g in zip(episodes, gathered, strict=True)], axis=0)
-    for agent, curve in sorted(curves.items(), key=lambda item: -item[1][-1]):
-        ax.plot(
-            budget, curve, color=agent_colour(agent), marker=agent_marker(agent), markevery=5, markersize=5,
-            linewidth=1.8, label=agent_label(agent),
-        )  # fmt: skip
-    ax.set(xlabel="actions generated", ylabel="reward behind the oracle", xlim=(0, suite.n_actions))
-    ax.set_ylim(bottom=0.0)
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return drawn
-
-
-def _padded(rewards: Sequence[float], n_actions: int) -> np.ndarray:
-    return np.pad(np.array(rewards, dtype=np.float64), (0, n_actions - len(rewards)))
-
-
-def _ranked(results: Mapping[str, Any], env: str) -> list[Entry]:
-    return sorted((e for e in results["summary"] if e["env"] == env), key=lambda entry: -entry["reward"]["mean"])
-
-
-def _interval(ax: Axes, found: Mapping[str, Any], place: int, agent: str, scale: float = 1.0) -> None:
+def _interval(
+    ax: Axes,
+    found: Mapping[str, Any],
+    place: int,
+    agent: str,
+    *,
+    scale: float = 1.0,
+    size: float = 7.5,
+    edge: float = 2.0,
+    alpha: float = 0.75,
+) -> None:
+    """Draw a mean as a marker and its interval as a bar."""
     colour = agent_colour(agent)
     if found["low"] is not None:
         ends = [scale * found["low"], scale * found["high"]]
-        ax.plot(ends, [place, place], color=colour, linewidth=4, solid_capstyle="round", alpha=0.75)
-    ax.plot(scale * found["mean"], place, agent_marker(agent), color="white", mec=colour, mew=2.0, ms=7.5)
+        ax.plot(ends, [place, place], color=colour, linewidth=4, solid_capstyle="round", alpha=alpha)
+    ax.plot(scale * found["mean"], place, agent_marker(agent), color="white", mec=colour, mew=edge, ms=size)
 
 
-def _names(ax: Axes, entries: Sequence[Entry]) -> None:
-    ax.set_yticks(range(len(entries)), [agent_label(entry["agent"]) for entry in reversed(entries)])
-    ax.set_ylim(-0.6, len(entries) - 0.4)
-    ax.grid(axis="y", visible=False)
+def _line(ax: Axes, x: np.ndarray, y: np.ndarray, agent: str, width: float = 1.8, markevery: int | None = None) -> None:
+    look = {"color": agent_colour(agent), "marker": agent_marker(agent), "markersize": 5, "linewidth": width}
+    ax.plot(x, y, label=agent_label(agent), markevery=markevery, **look)
+
+
+def _reference(ax: Axes, value: float) -> None:
+    ax.axvline(value, color=FAINT, linestyle=(0, (4, 2)), linewidth=1.2, zorder=0)
+
+
+def _legend_beside(ax: Axes) -> None:
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def _from_zero(axes: Sequence[Axes], which: str) -> None:
+    """Let the axes begin at zero and end a little beyond everything drawn on any of them."""
+    largest = max(getattr(ax.dataLim, f"{which}max") for ax in axes)
+    for ax in axes:
+        ax.set(**{f"{which}lim": (0.0, 1.06 * largest)})

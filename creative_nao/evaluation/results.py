@@ -186,6 +186,10 @@ class Measured:
     trainings: tuple[Training, ...]
     oracles: dict[str, Oracle]
 
+    def of(self, memory: str, env: str, agent: str) -> list[Episode]:
+        """Return an agent's episodes in an environment on a memory, seed by seed."""
+        return [e for e in self.episodes if (e.memory, e.env, e.agent) == (memory, env, agent)]
+
 
 def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, Any]]) -> Measured:
     """Put the jobs' results in order; in which order they came makes no difference.
@@ -232,7 +236,7 @@ def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[st
     for memory in suite.memories:
         for env in suite.envs:
             for agent in suite.agents:
-                chosen = [e for e in measured.episodes if (e.memory, e.env, e.agent) == (memory, env, agent)]
+                chosen = measured.of(memory, env, agent)
                 trainings = [t for t in measured.trainings if (t.memory, t.agent) == (memory, agent)]
                 oracle = measured.oracles.get(memory) if env in suite.oracle_envs else None
                 rows.append(_row(suite, chosen, trainings, oracle, base_seed))
