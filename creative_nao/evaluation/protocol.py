@@ -73,7 +73,7 @@ def random_streams(base_seed: int, seed: int, agent: str) -> tuple[np.random.Gen
     """Return the generator of an agent and the seed of its environment for one repetition.
 
     They do not depend on the environment: an agent that does not look at observations plays the same PB vectors in
-    physics and in the mind, so that the two can be compared action by action.
+    physics and in the mental environment, so that the two can be compared action by action.
     """
     for_agent, for_env = seed_sequence(base_seed, seed, agent).spawn(2)
     return np.random.default_rng(for_agent), int(for_env.generate_state(1)[0])

@@ -22,7 +22,7 @@ from creative_nao.schema import Count, Field, Index, PlainName, Text, parse, rec
 MENTAL, PHYSICAL = "CreativeNao/BoxingMental-v0", "CreativeNao/Boxing-v0"
 MODULATION = "CreativeNao/BoxingModulation-v0"
 REFUSALS = ("joint_limit", "torque_saturated", "tracking_error", "self_collision", "fell")
-"""Outcomes by which the robot's body refuses an action that was usable in the mind."""
+"""Outcomes by which physics refuses an action that was usable as imagined."""
 N_SHOWN = 3
 """Agents whose figures are told memory by memory."""
 PACKAGES = ("numpy", "torch", "numba", "mujoco")
@@ -131,7 +131,7 @@ def _search(results: Results) -> dict[str, Any]:
 
 
 def _performed(results: Results) -> dict[str, Any]:
-    """Return what the body changes, agent by agent, and why it refused actions."""
+    """Return what physical execution changes, agent by agent, and why actions were refused."""
     imagined, performed = _entries(results, MENTAL), {entry["agent"]: entry for entry in _entries(results, PHYSICAL)}
     rows = [
         {

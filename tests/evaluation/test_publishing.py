@@ -13,6 +13,7 @@ from creative_nao.evaluation.publishing import MENTAL, leaderboard, publish, rea
 from creative_nao.evaluation.results import make_results, verdict
 from creative_nao.evaluation.runner import LocalExecutor
 from creative_nao.evaluation.verification import contradictions, verify
+from creative_nao.schema import dump
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -158,19 +159,34 @@ def test_a_result_file_holds_to_the_bit_and_only_what_is_asked_is_played(finishe
     assert all(check.found == check.published for check in found.checks)
 
 
-def test_a_published_file_can_be_verified_without_its_run_folder(published):
-    found = verify(published / "results" / "fake.json", trusted=True, n_sample=1, row=2, executor=LocalExecutor(1))
+class Stored:
+    """An executor that gives the episodes of a finished run again without playing them."""
+
+    n_workers = 1
+
+    def __init__(self, finished):
+        self.episodes = finished.measured.episodes
+
+    def run(self, jobs, folder, on_progress=None):
+        return {job.name: {"episodes": [dump(e) for e in self.episodes if self.is_of(e, job)]} for job in jobs}
+
+    def is_of(self, episode, job):
+        return (episode.agent, [episode.seed]) == (job.spec["agent"], job.spec["seeds"])
+
+
+def test_a_published_file_can_be_verified_without_its_run_folder(published, finished):
+    found = verify(published / "results" / "fake.json", trusted=True, n_sample=1, row=2, executor=Stored(finished))
     assert found.holds
     assert found.checks[0].agent == "random"
 
 
-def test_a_changed_figure_does_not_hold(published, tmp_path):
+def test_a_changed_figure_does_not_hold(published, finished, tmp_path):
     results = json.loads((published / "results" / "fake.json").read_text())
     row = results["rows"][0]
     row["reward_per_seed"]["0"] += 1e-9
     path = tmp_path / "changed.json"
     path.write_text(json.dumps(results))
-    found = verify(path, trusted=True, n_sample=1, row=1, executor=LocalExecutor(1))
+    found = verify(path, trusted=True, n_sample=1, row=1, executor=Stored(finished))
     assert not found.holds
     assert not found.checks[0].holds
 
@@ -186,14 +202,14 @@ def test_a_mean_that_does_not_follow_from_its_episodes_is_told(finished):
     assert "`reward_iqm` of the summary does not follow from the rows" in told[1]
 
 
-def test_other_versions_are_told_and_judged_by_the_tolerance(published, tmp_path):
+def test_other_versions_are_told_and_judged_by_the_tolerance(published, finished, tmp_path):
     results = json.loads((published / "results" / "fake.json").read_text())
     results["record"]["versions"]["numpy"] = "1.0"
     row = results["rows"][0]
     row["reward_per_seed"]["0"] *= 1.005
     path = tmp_path / "other.json"
     path.write_text(json.dumps(results))
-    found = verify(path, trusted=True, n_sample=1, row=1, executor=LocalExecutor(1))
+    found = verify(path, trusted=True, n_sample=1, row=1, executor=Stored(finished))
     assert not found.exact
     assert any(line.startswith("numpy was 1.0, now ") for line in found.differences)
     assert found.checks[0].holds

@@ -137,5 +137,5 @@ def test_what_physics_changes_is_counted_over_the_same_choices(make_suite):
     refused = sum(usable) - sum(action.appropriate for action in played[0].actions)
     change = 100.0 * (played[0].reward / played[1].reward - 1.0)
     told = told_findings(both, make_results(both, found, base_seed=0), found)[2]
-    assert f"of {sum(usable)} actions that are usable in the mind, the robot's body refused {refused};" in told
+    assert f"of {sum(usable)} actions that are usable in the mental environment, physics refused {refused};" in told
     assert f"earn {change:+.1f} %" in told

@@ -86,24 +86,29 @@ def test_the_record_makes_the_run_repeatable(finished):
     assert {"results.json", "episodes.csv", "report.html", "agents/ppo-fake-0-0.safetensors"} <= set(record["hashes"])
 
 
-def episodes_of(suite, folder, seed, n_workers):
-    jobs = plan(suite, base_seed=seed)
-    done = LocalExecutor(n_workers).run(jobs, folder)
-    return [dataclasses.replace(episode, seconds=0.0) for episode in collect(suite, jobs, done).episodes]
+def play_again(suite, folder, seed, n_workers, wanted):
+    """Episodes of the jobs that play `wanted` agents, and of what these need; each job costs the start of a process."""
+    jobs = {job.name: job for job in plan(suite, base_seed=seed)}
+    played = [job for job in jobs.values() if (job.spec.get("agent"), job.spec.get("seeds")) in wanted]
+    chosen = [jobs[name] for job in played for name in job.needs] + played
+    done = LocalExecutor(n_workers).run(chosen, folder)
+    return [dataclasses.replace(episode, seconds=0.0) for episode in collect(suite, chosen, done).episodes]
 
 
 def test_neither_the_number_of_workers_nor_the_grouping_of_seeds_changes_a_bit(finished, make_suite, tmp_path):
-    agents = ("random", "ppo")  # one that draws, one that is trained first; each job costs the start of a process
-    alone = episodes_of(make_suite(agents=agents, seeds_per_job=1), tmp_path, seed=3, n_workers=1)
-    together = [episode for episode in finished.measured.episodes if episode.agent in agents]
+    # One agent that draws, one that is trained first; the second seed, which is played after the first elsewhere.
+    suite = make_suite(seeds_per_job=1)
+    alone = play_again(suite, tmp_path, seed=3, n_workers=1, wanted=[("random", [1]), ("ppo", [1])])
+    together = [e for e in finished.measured.episodes if e.agent in ("random", "ppo") and e.seed == 1]
     assert alone == [dataclasses.replace(episode, seconds=0.0) for episode in together]
     bundle = "agents/ppo-fake-0-1.safetensors"
     assert (tmp_path / bundle).read_bytes() == (finished.folder / bundle).read_bytes()
 
 
 def test_another_seed_is_another_run(finished, make_suite, tmp_path):
-    other = episodes_of(make_suite(agents=("random",)), tmp_path, seed=4, n_workers=2)
+    other = play_again(make_suite(), tmp_path, seed=4, n_workers=2, wanted=[("random", [0, 1])])
     before = [episode for episode in finished.measured.episodes if episode.agent == "random"]
+    assert len(other) == len(before)
     assert [episode.reward for episode in other] != [episode.reward for episode in before]
 
 
@@ -217,13 +222,15 @@ def test_the_report_says_what_does_not_hold_and_how_to_repeat_it(finished):
         assert text in page
 
 
-def test_names_from_outside_cannot_become_markup(make_suite, finished, tmp_path):
-    from creative_nao.evaluation.report import write_report
+def test_names_from_outside_cannot_become_markup(make_suite, finished, tmp_path, monkeypatch):
+    from creative_nao.evaluation import report
 
+    monkeypatch.setattr(report, "draw_figures", lambda *_: [])
     record = {**finished.record, "command": "creative-nao <script>alert(1)</script>"}
     (tmp_path / "maps").mkdir()
     (tmp_path / "maps" / "fake-0.npz").write_bytes((finished.folder / "maps" / "fake-0.npz").read_bytes())
-    page = write_report(tmp_path, make_suite(), finished.results, finished.measured, record).read_text(encoding="utf-8")
+    path = report.write_report(tmp_path, make_suite(), finished.results, finished.measured, record)
+    page = path.read_text(encoding="utf-8")
     assert "<script>" not in page
 
 
