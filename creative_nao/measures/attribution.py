@@ -13,7 +13,7 @@ At rest all actions are in the same guard and equally near: there `margin` is sm
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +50,7 @@ class Attribution:
         dt_s: Time of a tick [s].
     """
 
-    distances: np.ndarray
+    distances: np.ndarray = field(repr=False)
     window_steps: int
     dt_s: float
 

@@ -5,7 +5,7 @@ Novelty and diversity are means over random samples of the appropriate actions, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -47,7 +47,7 @@ class Draws:
 
     mean: float
     std: float
-    values: np.ndarray
+    values: np.ndarray = field(repr=False)
     n_samples: int
 
 
@@ -219,7 +219,7 @@ class FarthestPoints:
     """
 
     indices: np.ndarray
-    rewards: np.ndarray
+    rewards: np.ndarray = field(repr=False)
 
     @property
     def total(self) -> float:

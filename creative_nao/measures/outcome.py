@@ -124,7 +124,7 @@ def excursions(trajectories: Trajectories) -> np.ndarray:
 
 def speed_limits(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> np.ndarray:
     """Return the speed above which each joint fluctuates [rad/s], shape (n_joints,)."""
-    check_basic_actions(demos)
+    check_basic_actions(demos, criteria)
     fastest = largest_speeds(demos.trajectories, demos.dt_s).max(axis=0)
     if not criteria.per_joint:
         fastest = np.full_like(fastest, fastest.max())
@@ -133,7 +133,7 @@ def speed_limits(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> np
 
 def excursion_limit(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> float:
     """Return the excursion below which an action counts as standing still [rad]."""
-    check_basic_actions(demos)
+    check_basic_actions(demos, criteria)
     return criteria.excursion_share * float(excursions(demos.trajectories).min())
 
 
@@ -166,12 +166,14 @@ def is_appropriate(trajectories: Trajectories, demos: BasicActions, criteria: Cr
     return ~(is_fluctuating(trajectories, demos, criteria) | is_non_moving(trajectories, demos, criteria))
 
 
-def check_basic_actions(demos: BasicActions) -> None:
-    """Refuse what is no set of basic actions.
+def check_basic_actions(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> None:
+    """Refuse what is no set of basic actions, or no criteria.
 
     Raises:
-        SettingsError: If it lacks trajectories or their tick.
+        SettingsError: If trajectories or their tick are lacking, or `criteria` is something else.
     """
+    if not isinstance(criteria, Criteria):
+        raise SettingsError(f"`criteria` should be `Criteria(...)`, but is a {type(criteria).__name__}.")
     if not (hasattr(demos, "trajectories") and hasattr(demos, "dt_s")):
         raise SettingsError(
             "`demos` should be basic actions, with `trajectories` and `dt_s` as `load_demonstrations()` has them, but "

@@ -103,6 +103,7 @@ def test_scores_are_told_in_one_line(taught, blends):
     )
     assert len(repr(score(blends, taught)).splitlines()) == 1
     assert repr(score([], taught)).startswith("Scores of 0 trajectories")
+    assert len(repr(table(blends, taught)).splitlines()) == 1
 
 
 @pytest.mark.parametrize("wrong", [None, 3, "ab", [["a", 1]], [None]])
@@ -128,5 +129,7 @@ def test_settings_of_another_kind_are_refused(taught):
         novelty(taught.trajectories, taught, rng="seed")
     with pytest.raises(SettingsError, match="`n_draws` should be a whole number, but is 'many'"):
         diversity(taught.trajectories, taught, n_draws="many")
+    with pytest.raises(SettingsError, match=r"`criteria` should be `Criteria\(...\)`, but is a int"):
+        score(taught.trajectories, taught, criteria=3)
     with pytest.raises(SettingsError, match="`speed_factor` should be a number, but is 'fast'"):
         Criteria(speed_factor="fast")
