@@ -17,7 +17,7 @@ import numpy as np
 from creative_nao import runtime, storage
 from creative_nao.demonstrations.dataset import Demonstrations, Tick, joint_angles, outside_range
 from creative_nao.demonstrations.keyframes import ACTIONS, DT_S
-from creative_nao.demonstrations.resampling import n_ticks, resample
+from creative_nao.demonstrations.resampling import check_duration, resample
 from creative_nao.errors import FileFormatError, NotFoundError, nearest_name
 from creative_nao.joints import JOINTS
 from creative_nao.schema import JsonObject, Names, PlainName, checked, parse
@@ -82,14 +82,7 @@ def load_trajectory(
     if found:
         row, column, clause = found
         raise FileFormatError(f"{path}: line {rows[row][0]}: `{wanted[column]}` {clause}.")
-    duration = float(times[-1] - times[0])
-    if duration < dt_s * (1.0 - 1e-6):
-        raise FileFormatError(f"{path}: lasts {duration:g} s, shorter than one tick of {dt_s:g} s.")
-    if duration / dt_s > MAX_STEPS:
-        raise FileFormatError(
-            f"{path}: lasts {duration:g} s, {n_ticks(duration, dt_s)} ticks of {dt_s:g} s, "
-            f"expected at most {MAX_STEPS}; is `{TIME_COLUMN}` in seconds, not milliseconds?"
-        )
+    check_duration(float(times[-1] - times[0]), dt_s, MAX_STEPS, f"{path}")
     return resample(times, angles, dt_s)
 
 

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from creative_nao.errors import FileFormatError
+
 GRID_TOLERANCE_S = 1e-6
 """Times this close to the tick's grid are on it [s]."""
 
@@ -20,6 +22,21 @@ _WINDOW_POINTS = 33
 def n_ticks(duration_s: float, dt_s: float) -> int:
     """Return how many postures at `dt_s` fit a recording of `duration_s` seconds, the first one at its start."""
     return int(np.floor(duration_s / dt_s + GRID_TOLERANCE_S)) + 1
+
+
+def check_duration(duration_s: float, dt_s: float, most: int, where: str) -> None:
+    """Refuse a recording that is shorter than a tick or longer than `most` ticks; `where` begins the message.
+
+    Raises:
+        FileFormatError: If it is.
+    """
+    if duration_s < dt_s * (1.0 - 1e-6):
+        raise FileFormatError(f"{where}: lasts {duration_s:g} s, shorter than one tick of {dt_s:g} s.")
+    if duration_s / dt_s > most:
+        raise FileFormatError(
+            f"{where}: lasts {duration_s:g} s, {n_ticks(duration_s, dt_s)} ticks of {dt_s:g} s, "
+            f"expected at most {most}; are the times in seconds, not milliseconds?"
+        )
 
 
 def resample(times_s: np.ndarray, angles: np.ndarray, dt_s: float) -> np.ndarray:

@@ -23,7 +23,7 @@ from creative_nao.demonstrations.dataset import (
 )
 from creative_nao.demonstrations.files import LARGEST_TIME_S, SHORTEST_STEP_S
 from creative_nao.demonstrations.keyframes import DT_S
-from creative_nao.demonstrations.resampling import monotone_cubic, n_ticks, resample
+from creative_nao.demonstrations.resampling import check_duration, monotone_cubic, resample
 from creative_nao.errors import FileFormatError, SettingsError, nearest_name, shown
 from creative_nao.joints import JOINTS, LIMITS_RAD
 from creative_nao.schema import JsonObject, Names, checked, parse
@@ -295,14 +295,7 @@ def _at_one_tick(
     if own is not None and (dt_s is None or abs(own - dt_s) <= _EVEN_S):
         return Motion(postures, own if dt_s is None else dt_s, joints, keys.metadata)
     tick = DT_S if dt_s is None else dt_s
-    duration = float(times[-1] - times[0])
-    if duration < tick * (1.0 - 1e-6):
-        raise FileFormatError(f"{path}: lasts {duration:g} s, shorter than one tick of {tick:g} s.")
-    if duration / tick > MAX_POSTURES:
-        raise FileFormatError(
-            f"{path}: lasts {duration:g} s, {n_ticks(duration, tick)} ticks of {tick:g} s, expected at most "
-            f"{MAX_POSTURES}; are the times in seconds, not milliseconds?"
-        )
+    check_duration(float(times[-1] - times[0]), tick, MAX_POSTURES, f"{path}")
     rate = "unevenly spaced postures" if own is None else f"postures every {own:g} s"
     notes.append(f"{rate} brought to a tick of {tick:g} s")
     return Motion(resample(times, postures, tick), tick, joints, keys.metadata)

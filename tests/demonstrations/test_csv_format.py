@@ -78,7 +78,7 @@ def test_spaces_blank_lines_and_a_byte_order_mark_do_no_harm(tmp_path):
         (changed(5, ",0.8", ""), r"line 5: has 8 columns, expected 9 as the header"),
         ([line.replace(",", ";") for line in GOOD], r"line 1: has semicolons between the columns, expected commas"),
         ([line.replace(",", "\t") for line in GOOD], r"line 1: has tabs between the columns, expected commas"),
-        (changed(6, "0.60", "600000"), r"is `time_s` in seconds, not milliseconds\?"),
+        (changed(6, "0.60", "600000"), r"are the times in seconds, not milliseconds\?"),
         ([HEADER, f"0.0,{POSTURE}", f"0.1,{POSTURE}"], r"lasts 0.1 s, shorter than one tick of 0.15 s"),
     ],
 )
