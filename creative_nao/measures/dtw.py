@@ -41,7 +41,7 @@ def as_numbers(values: object, name: str) -> np.ndarray:
         ShapeError: If it holds anything but numbers; the message names the argument.
     """
     found = _as_array(values)
-    if found.dtype.kind not in "fiub":
+    if found.dtype.kind not in "fiub" or isinstance(values, np.ma.MaskedArray):
         raise ShapeError(f"`{name}` should be an array of numbers, but is {shown(values)}.")
     return found.astype(np.float64, copy=False)
 
@@ -242,7 +242,7 @@ def _as_array(values: object) -> np.ndarray:
     """Return values as an array; an empty one of objects, which no check lets pass, where NumPy makes none of them."""
     try:
         return np.asarray(values)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RuntimeError):
         return np.empty(0, dtype=object)
 
 

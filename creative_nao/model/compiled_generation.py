@@ -149,8 +149,8 @@ def _add_outgoing(weights, activations, first, last, out):
             out[i] += w[i] * s
 
 
-@compiled(inline="always")
-def _tick(net, drive, x, u, y, code, total, angles):
+@compiled()
+def _tick(w_in, w_out, w_hidden, b_out, starts, rate, references, drive, x, u, y, code, total, angles):
     """Run one point for one tick.
 
     Args:
@@ -162,7 +162,6 @@ def _tick(net, drive, x, u, y, code, total, angles):
         total: Working memory, (n_hidden,).
         angles: Where the joint angles of the tick go, (n_joints,).
     """
-    w_in, w_out, w_hidden, _, b_out, _, starts, rate, references = net
     n_codes, n_hidden, n_fast, n_layers = x.shape[0], rate.shape[0], starts[1], starts.shape[0] - 1
     n_joints, n_units = references.shape
     code[:] = b_out
@@ -208,14 +207,15 @@ def advance(net, pb, first, codes, states, activities, angles):
         codes, states, activities: What each point reads next, u and y, (n, n_codes or n_hidden); changed.
         angles: Where the joint angles go, (n, n_ticks, n_joints); rows before `first` are not written.
     """
+    w_in, w_out, w_hidden, w_pb, b_out, b_hidden, starts, rate, references = net
     code = np.empty(codes.shape[1], F)
-    drive, total = np.empty(net.rate.shape[0], F), np.empty(net.rate.shape[0], F)
+    drive, total = np.empty(rate.shape[0], F), np.empty(rate.shape[0], F)
     for point in range(angles.shape[0]):
         x, u, y = codes[point].copy(), states[point], activities[point]
         for t in range(first, angles.shape[1]):
             if t == first or pb.shape[1] > 1:
-                drive[:] = net.b_hidden
-                _add_outgoing(net.w_pb, pb[point, min(t, pb.shape[1] - 1)], 0, pb.shape[2], drive)
-            _tick(net, drive, x, u, y, code, total, angles[point, t])
+                drive[:] = b_hidden
+                _add_outgoing(w_pb, pb[point, min(t, pb.shape[1] - 1)], 0, pb.shape[2], drive)
+            _tick(w_in, w_out, w_hidden, b_out, starts, rate, references, drive, x, u, y, code, total, angles[point, t])
             x, code = code, x
         codes[point, :] = x

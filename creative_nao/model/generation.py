@@ -11,12 +11,13 @@ import copy
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from creative_nao.errors import SettingsError, ShapeError, shown
+from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.measures.dtw import as_numbers
 from creative_nao.model.config import NetworkSettings, layer_time_constants
 from creative_nao.model.encoding import SoftmaxEncoding
 from creative_nao.runtime import usable_cores
@@ -226,28 +227,13 @@ class ClosedLoopGenerator:
         return trajectories
 
 
-def real_array(value: Any, name: str) -> np.ndarray:
-    """Return an argument of a public function as a float64 array.
-
-    Raises:
-        ShapeError: If it does not hold real numbers, is ragged, or is masked.
-    """
-    try:
-        array = np.asarray(value)
-    except Exception:
-        array = np.array(None)
-    if array.dtype.kind not in "fiu" or isinstance(value, np.ma.MaskedArray):
-        raise ShapeError(f"`{name}` should be an array of real numbers, but is {shown(value)}")
-    return array.astype(np.float64, copy=False)
-
-
 def pb_points(value: ArrayLike, n_pb: int, name: str, least: int = 0) -> np.ndarray:
     """Return PB points as float64 (n, n_pb).
 
     Raises:
         ShapeError: If they are not, if there are fewer than `least`, or one lies outside [-1, 1].
     """
-    points = real_array(value, name)
+    points = as_numbers(value, name)
     if points.ndim != 2 or points.shape[1] != n_pb or len(points) < least:
         expected = f"(n, {n_pb})" + (f" with n at least {least}" if least else "")
         raise ShapeError(f"`{name}` should have shape {expected}, but has {points.shape}")
@@ -282,7 +268,7 @@ def pb_of_each_tick(
     if at_ticks is None:
         reached = np.linspace(0.0, n_steps - 1, len(corners))
     else:
-        reached = real_array(at_ticks, "at_ticks")
+        reached = as_numbers(at_ticks, "at_ticks")
         if reached.shape != (len(corners),) or not (np.diff(reached) >= 0).all() or not np.isfinite(reached).all():
             raise SettingsError(
                 f"`at_ticks` should hold {len(corners)} ticks, one for each point, none before the one ahead of it, "

@@ -18,14 +18,12 @@ from numpy.typing import ArrayLike
 
 from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.demonstrations.files import MAX_STEPS
+from creative_nao.demonstrations.files import MAX_STEPS, checked_path
 from creative_nao.errors import (
     CreativeNaoError,
     FileFormatError,
     NotFoundError,
-    SettingsError,
     nearest_name,
-    shown,
 )
 from creative_nao.measures import score
 from creative_nao.model.config import NetworkSettings, TrainingSettings, check_kind, parameter_shapes
@@ -261,7 +259,7 @@ class Memory:
         for place, trajectory in enumerate(self.demonstrations.trajectories):
             tensors[f"demonstration/{place}"] = trajectory
         tensors["loss_history"] = self.loss_history.astype(np.float32)
-        return save_tensors(_path(path, "path"), kind=KIND, header=dump(header), tensors=tensors)
+        return save_tensors(checked_path(path), kind=KIND, header=dump(header), tensors=tensors)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], name: str = "") -> Memory:
@@ -271,7 +269,7 @@ class Memory:
             NotFoundError: If there is no such file.
             FileFormatError: If it is torn, foreign or inconsistent; the message names the part.
         """
-        path = _path(path, "path")
+        path = checked_path(path)
         values, tensors = load_tensors(path, kind=KIND)
         header = parse(MemoryHeader, values, f"{path}: header")
         n_codes = len(header.joints) * header.network.n_softmax_units
@@ -290,12 +288,6 @@ class Memory:
             record=header.record,
             name=name or str(path),
         )
-
-
-def _path(value: Any, name: str) -> Path:
-    if not isinstance(value, str | os.PathLike):
-        raise SettingsError(f"`{name}` should be the path of a memory file, but is {shown(value)}")
-    return Path(value)
 
 
 def _weights(path: Path, tensors: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
@@ -427,7 +419,7 @@ def load_memory(name: str | os.PathLike[str]) -> Memory:
         FileFormatError: If the file is torn or foreign.
         SettingsError: If `name` is neither text nor a path.
     """
-    text = str(_path(name, "name")) if not isinstance(name, str) else name
+    text = str(checked_path(name, "name")) if not isinstance(name, str) else name
     names = shipped_memories()
     if text in names:
         condition, seed = text.split("/")

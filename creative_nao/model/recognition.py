@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from creative_nao.errors import ShapeError
-from creative_nao.measures.dtw import MAX_VALUE, dtw_matrix
-from creative_nao.model.generation import DIFFERENTIATED_BATCH, ClosedLoopGenerator, real_array
+from creative_nao.measures.dtw import MAX_VALUE, as_numbers, dtw_matrix
+from creative_nao.model.generation import DIFFERENTIATED_BATCH, ClosedLoopGenerator
 
 LARGEST_STEP = 0.1
 """Of a PB value in one iteration; the approximation is not to be trusted farther."""
@@ -143,7 +143,7 @@ def checked_trajectory(trajectory: ArrayLike, joints: tuple[str, ...]) -> np.nda
     Raises:
         ShapeError: If they are not, if there are fewer than two ticks, or one is not finite.
     """
-    target = real_array(trajectory, "trajectory")
+    target = as_numbers(trajectory, "trajectory")
     if target.ndim != 2 or target.shape[1] != len(joints) or len(target) < 2:
         raise ShapeError(
             f"`trajectory` should have shape (n_steps, {len(joints)}), at least two ticks and one column for each of "

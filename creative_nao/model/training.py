@@ -14,6 +14,7 @@ import numpy as np
 
 from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.demonstrations import Demonstrations
+from creative_nao.demonstrations.files import checked_path
 from creative_nao.errors import FileFormatError, SettingsError, TrainingError, shown
 from creative_nao.model.config import (
     NetworkSettings,
@@ -219,9 +220,10 @@ def train_network(
     check_kind(TrainingSettings, training, "training")
     check_kind(NetworkSettings, network, "network")
     checked(Count, checkpoint_interval, "checkpoint_interval")
+    checkpoint = None if checkpoint is None else checked_path(checkpoint, "checkpoint")
     encoding = encoding_of(demonstrations, network)
     codes, lengths = target_codes(encoding, demonstrations.trajectories)
-    if state is None and resume and checkpoint is not None and Path(checkpoint).exists():
+    if state is None and resume and checkpoint is not None and checkpoint.exists():
         state = load_checkpoint(checkpoint, demonstrations, network, training)
     if state is None:
         state = TrainingState.initial(network, encoding.n_codes, demonstrations.n_actions, training.seed)

@@ -19,7 +19,7 @@ from creative_nao.model import (
 TINY = NetworkSettings(layer_sizes=(3,), time_constants=(2.0,), n_softmax_units=2)
 RAGGED = [[0.0, 0.0], [0.0]]
 NO_POINTS = {
-    "text": [["a", 1]], "ragged": RAGGED, "none": None, "complex": np.zeros((1, 2), complex), "bool": [[True, False]],
+    "text": [["a", 1]], "ragged": RAGGED, "none": None, "complex": np.zeros((1, 2), complex),
     "masked": np.ma.masked_array(np.zeros((1, 2)), mask=True), "nan": [[np.nan, 0]], "object": {"pb": 1},
     "infinite": [[np.inf, 0]], "dates": np.zeros((1, 2), "datetime64[s]"),
 }  # fmt: skip
@@ -64,6 +64,7 @@ def test_arguments_of_a_wrong_class_are_named(tiny_memory, waves):
     for name, call in {
         "name": lambda: load_memory(3),
         "path": lambda: tiny_memory.save(None),
+        "checkpoint": lambda: train_network(waves, TrainingSettings(), TINY, checkpoint=3),
         "split": lambda: split_memories(["train"]),
         "demonstrations": lambda: train(None),
         "network": lambda: train(waves, network={"n_pb": 2}, n_epochs=1),
