@@ -24,6 +24,7 @@ from torch.distributions import Categorical
 
 from creative_nao.envs.observation import N_CELLS, cells_of
 from creative_nao.errors import SettingsError
+from creative_nao.schema import Count, checked
 
 _CONVOLUTIONS: dict[int, Any] = {1: nn.Conv1d, 2: nn.Conv2d, 3: nn.Conv3d}
 
@@ -149,8 +150,7 @@ class CellWeights(nn.Module):
     def __init__(self, features: CellFeatures, width: int, n_layers: int) -> None:
         super().__init__()
         for name, value in (("width", width), ("n_layers", n_layers)):
-            if not isinstance(value, int) or value < 1:
-                raise SettingsError(f"`{name}` should be a whole number of at least 1, but is {value!r}")
+            checked(Count, value, name)
         convolution = _CONVOLUTIONS[features.n_pb]
         sizes = [features.n_channels, *[width] * n_layers]
         self.hidden = nn.ModuleList(convolution(n_in, n_out, 3, padding=1) for n_in, n_out in itertools.pairwise(sizes))

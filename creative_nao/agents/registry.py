@@ -217,17 +217,6 @@ TRAINED = tuple(ALGORITHMS)
 NAMES: tuple[str, ...] = (*UNTRAINED, *TRAINED)
 
 
-def check_name(name: str) -> str:
-    """Return `name` if an agent is called so.
-
-    Raises:
-        NotFoundError: If none is; the message offers the nearest name.
-    """
-    if name not in NAMES:
-        raise NotFoundError(f"no agent `{name}`{nearest_name(name, NAMES)}; there are: {', '.join(NAMES)}")
-    return name
-
-
 def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
     """Make an agent.
 
@@ -249,7 +238,8 @@ def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
             return load_entry_point(name)
         if "/" in name:
             find_bundle(name)
-    check_name(name)
+    if name not in NAMES:
+        raise NotFoundError(f"no agent `{name}`{nearest_name(name, NAMES)}; there are: {', '.join(NAMES)}")
     if name in UNTRAINED:
         return UNTRAINED[name]()
     if bundle is None:

@@ -44,7 +44,8 @@ def _whole(least: int, most: int) -> Any:
     return Annotated[int, BeforeValidator(_plain), Field(ge=least, le=most)]
 
 
-Timesteps, Copies = _whole(1, 10**10), _whole(1, 4_096)
+Timesteps = Annotated[int, BeforeValidator(_plain), Field(ge=1, le=10**10)]
+Copies = Annotated[int, BeforeValidator(_plain), Field(ge=1, le=4_096)]
 _Number, _Rate = Annotated[float, BeforeValidator(_plain)], Annotated[Positive, BeforeValidator(_plain)]
 _Share = Annotated[UnitInterval, BeforeValidator(_plain)]
 _ARGUMENTS: dict[str, Any] = {

@@ -111,8 +111,8 @@ def test_critics_value_an_action_by_its_cell_and_a_policy_by_its_expectation():
 @pytest.mark.parametrize(
     ("kwargs", "text"),
     [
-        ({"width": 0}, "`width` should be a whole number of at least 1, but is 0"),
-        ({"n_layers": "two"}, "`n_layers` should be a whole number of at least 1, but is 'two'"),
+        ({"width": 0}, "`width` should be at least 1, but is 0"),
+        ({"n_layers": "two"}, "`n_layers` should be a whole number, but is 'two'"),
         ({"use_sde": True}, "`use_sde` should be false with Cell"),
     ],
 )
