@@ -45,7 +45,7 @@ a cell in which something appropriate was found reads at least 0.1.""",
 | n_actions | 30 | actions in an episode |
 | render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
 | criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
-| overlay | False | whether colour frames tell outcome, nearest basic action and reward |""",
+| overlay | False | whether colour frames carry a caption: outcome, nearest basic action, reward |""",
     "rendering": """\
 `render` returns: `rgb_array` the last movement at its widest, uint8 (480, 640, 3); `depth_array` how far away
 everything is in that picture [m], float32 (480, 640); `rgb_array_list` a film of all movements since the last call;
@@ -237,7 +237,7 @@ class BoxingModulationEnv(RepertoireEnv):
     the movement when it has unfolded, and the body may refuse it as in `CreativeNao/Boxing-v0`.
 
     `info` of a step: `pb`, `step` (decisions so far), `tick` (of the movement), `posture` (joint angles now
-    [rad], (8,)). When a movement is scored also what `CreativeNao/BoxingMental-v0` tells (`outcome`, ...,
+    [rad], (8,)). When a movement is scored also the terms of `CreativeNao/BoxingMental-v0` (`outcome`, ...,
     `trajectory`) and `pb_path`, its PB vectors (10, 2); with physics also the terms of `CreativeNao/Boxing-v0`; and at
     the end of an episode `episode_measures`.
 

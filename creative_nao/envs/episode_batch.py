@@ -69,7 +69,7 @@ class StepResult:
 
 
 class EpisodeBatch:
-    """The episodes of `n_envs` environments side by side.
+    """The episodes of `n_envs` environments.
 
     Args:
         memory: See `MemorySet`.

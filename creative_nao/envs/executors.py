@@ -328,7 +328,7 @@ Executor = KinematicExecutor | PhysicsExecutor
 
 
 def physics_figures(performance: Performance) -> dict[str, Any]:
-    """Return what `info` and physical maps tell of a performance, in the units of the page of `BoxingEnv`."""
+    """Return the figures of a performance for `info` and physical maps, in the units of the page of `BoxingEnv`."""
     return {
         "tracking_error": float(performance.mean_error_rad.max()),
         "torque_saturated": float(performance.saturated_share.max()),

@@ -88,7 +88,7 @@ def observation_space(parts: tuple[ObservationPart, ...]) -> Box:
 def cells_of(space: Box, n_pb: int) -> slice:
     """Return where the cells of the PB space stand in an observation.
 
-    The bounds of the space tell it: after the PB, the cells are the first values that may be negative.
+    They follow from the bounds of the space: after the PB, the cells are the first values that may be negative.
 
     Args:
         space: Space of the observations of one of this project's environments.
@@ -99,13 +99,13 @@ def cells_of(space: Box, n_pb: int) -> slice:
     """
     negative = np.flatnonzero(space.low[n_pb:] < 0.0) + n_pb if len(space.shape) == 1 else np.empty(0, np.int64)
     size = N_CELLS**n_pb
-    found = slice(int(negative[0]), int(negative[0]) + size) if len(negative) >= size else slice(0)
-    if found.stop == 0 or np.any(space.low[found] >= 0.0) or space.low[found.stop] < 0.0:
+    cells = slice(int(negative[0]), int(negative[0]) + size) if len(negative) >= size else slice(0)
+    if cells.stop == 0 or np.any(space.low[cells] >= 0.0) or space.low[cells.stop] < 0.0:
         raise SettingsError(
-            f"`observation_space` should tell {size} cells of a PB space with {n_pb} units, as the observations of "
+            f"`observation_space` should have {size} cells of a PB space with {n_pb} units, as the observations of "
             f"CreativeNao/ environments do, but is {space}"
         )
-    return found
+    return cells
 
 
 @compiled()

@@ -333,25 +333,25 @@ def fingerprint(memory: Memory) -> str:
 
 def _continued(blank: PhysicalMap, checkpoint: Path) -> PhysicalMap:
     """Return what the checkpoint holds, if it was begun with the same settings."""
-    begun = PhysicalMap.load(checkpoint, unfinished=True)
-    ours, theirs = blank.record["settings"], begun.record.get("settings", {})
+    partial = PhysicalMap.load(checkpoint, unfinished=True)
+    ours, theirs = blank.record["settings"], partial.record.get("settings", {})
     for key, value in ours.items():
         if theirs.get(key) != value:
             raise SettingsError(
                 f"{checkpoint} was begun with {key} = {theirs.get(key)}, not {value}; "
                 "delete it or choose another checkpoint"
             )
-    return begun
+    return partial
 
 
 def _with_next_block(
-    begun: PhysicalMap, memory: Memory, pool: PhysicsPool, criteria: Criteria, limits: PhysicalLimits
+    partial: PhysicalMap, memory: Memory, pool: PhysicsPool, criteria: Criteria, limits: PhysicalLimits
 ) -> PhysicalMap:
     """Generate, perform and score the next movements, write them into the arrays and return the map with its times."""
     wall, cpu = time.monotonic(), time.process_time()
-    rows = slice(begun.n_done, min(begun.n_done + BLOCK, len(begun.outcome)))
+    rows = slice(partial.n_done, min(partial.n_done + BLOCK, len(partial.outcome)))
     basic = memory.demonstrations
-    generated = memory.generate(begun.pb[rows])
+    generated = memory.generate(partial.pb[rows])
     performances = [one for one, _ in pool.perform(generated, [memory.dt_s] * len(generated))]
     measured = np.stack([one.measured for one in performances])
     faults = [first_failure(one, limits) or "" for one in performances]
@@ -363,15 +363,15 @@ def _with_next_block(
         fault=np.array([OUTCOME_CODE.get(fault, NO_FAULT) for fault in faults]),
         learned_threshold=criteria.learned_threshold,
     )
-    begun.nearest[rows], begun.distance[rows] = distances.argmin(axis=1), distances.min(axis=1)
-    begun.outcome[rows], begun.fault[rows] = np.array(ALL_OUTCOMES)[codes], faults
-    begun.mental[rows] = score(generated, basic, criteria).outcome
+    partial.nearest[rows], partial.distance[rows] = distances.argmin(axis=1), distances.min(axis=1)
+    partial.outcome[rows], partial.fault[rows] = np.array(ALL_OUTCOMES)[codes], faults
+    partial.mental[rows] = score(generated, basic, criteria).outcome
     figures = [{**physics_figures(one), "limit_excess": one.limit_excess_rad} for one in performances]
-    for name, values in begun.figures.items():
+    for name, values in partial.figures.items():
         values[rows] = [one[name] for one in figures]
     return dataclasses.replace(
-        begun,
+        partial,
         n_done=rows.stop,
-        wall_s=begun.wall_s + time.monotonic() - wall,
-        cpu_s=begun.cpu_s + time.process_time() - cpu,
+        wall_s=partial.wall_s + time.monotonic() - wall,
+        cpu_s=partial.cpu_s + time.process_time() - cpu,
     )

@@ -31,7 +31,7 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         n_actions: Actions in an episode.
         render_mode: One of ``metadata["render_modes"]`` or None.
         criteria: Where the lines between outcomes are drawn; default: the paper's.
-        overlay: Whether colour frames tell outcome, nearest basic action and reward.
+        overlay: Whether colour frames carry a caption: outcome, nearest basic action, reward.
         modulated: Whether the PB may change during a movement.
         limits: From where on a performance counts as failed; None: movements are not performed in physics.
 

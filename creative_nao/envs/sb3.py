@@ -69,16 +69,15 @@ class SB3VecEnv(VecEnv):
         """Step; return observations, rewards, ends and one `info` per sub-environment."""
         observations, rewards, terminated, truncated, infos = self.venv.step(self._actions)
         ended = np.logical_or(terminated, truncated)
-        found = [_info_of(infos, k) for k in range(self.num_envs)]
+        all_infos = [_info_of(infos, k) for k in range(self.num_envs)]
         for k in np.flatnonzero(ended):
-            begun = found[k]
-            found[k] = {
+            self.reset_infos[k] = all_infos[k]
+            all_infos[k] = {
                 **_info_of(infos["final_info"], int(k)),
                 "terminal_observation": infos["final_obs"][k],
                 "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
             }
-            self.reset_infos[k] = begun
-        return observations, rewards.astype(np.float32), ended, found
+        return observations, rewards.astype(np.float32), ended, all_infos
 
     def close(self) -> None:
         """Close the vector environment."""
@@ -124,12 +123,12 @@ class SB3VecEnv(VecEnv):
 
 def _info_of(infos: dict[str, Any], k: int) -> dict[str, Any]:
     """Return the terms of one sub-environment out of Gymnasium's vector format, as plain values."""
-    found: dict[str, Any] = {}
+    info: dict[str, Any] = {}
     for name, values in infos.items():
         if name.startswith("_") or name in _END_TERMS:
             continue
         mask = infos.get(f"_{name}")
         if mask is None or mask[k]:
             value = _info_of(values, k) if isinstance(values, dict) else values[k]
-            found[name] = value.item() if isinstance(value, np.generic) else value
-    return found
+            info[name] = value.item() if isinstance(value, np.generic) else value
+    return info

@@ -60,8 +60,10 @@ class EnvState:
         if self.kind != like.kind:
             raise SettingsError(f"`state` should be one of a {like.kind}, but is one of a {self.kind}")
         for what, mine, theirs in (("values", self.values, like.values), ("arrays", self.arrays, like.arrays)):
-            if odd := sorted(map(str, mine.keys() ^ theirs.keys())):
-                raise SettingsError(f"`state`: its {what} should be {', '.join(sorted(theirs))}; see `{odd[0][:60]}`")
+            if surplus := sorted(map(str, mine.keys() ^ theirs.keys())):
+                raise SettingsError(
+                    f"`state`: its {what} should be {', '.join(sorted(theirs))}; see `{surplus[0][:60]}`"
+                )
         for name, example in like.values.items():
             _check_value(name, self.values[name], example)
         n_accepted = len(self.arrays["accepted"]) if self.arrays["accepted"].ndim else 0

@@ -1,6 +1,6 @@
 """Rendering of performed movements: frames, films, depth and a window. MuJoCo is loaded at the first picture."""
 
-# MuJoCo tells type checkers nothing about its members.
+# The bindings of MuJoCo have no static types.
 # pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ class Recorder:
     Args:
         shared: Ring, robot and bag.
         mode: One of `RENDER_MODES` or None.
-        overlay: Whether colour frames tell outcome, nearest basic action and reward.
+        overlay: Whether colour frames carry a caption: outcome, nearest basic action, reward.
         n_envs: How many environments.
 
     Raises:

@@ -93,7 +93,7 @@ def test_every_way_turns_up_about_equally_often():
 
 
 def test_observations_without_cells_are_refused():
-    with pytest.raises(SettingsError, match="`observation_space` should tell 64 cells of a PB space with 2 units"):
+    with pytest.raises(SettingsError, match="`observation_space` should have 64 cells of a PB space with 2 units"):
         cells_of(Box(0.0, 1.0, (85,)), 2)
 
 
