@@ -1,6 +1,7 @@
 """The programs of the tutorials run, shortened by their own options, and say what they should."""
 
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -23,7 +24,18 @@ SHORT = {
 
 
 @pytest.mark.parametrize("name", SHORT)
-def test_the_example_runs(name, tmp_path):
+def test_the_example_runs(name, tmp_path, monkeypatch, capsys):
+    options, said = SHORT[name]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [str(EXAMPLES / f"{name}.py"), *options.split()])
+    runpy.run_path(sys.argv[0], run_name="__main__")
+
+    assert said in capsys.readouterr().out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHORT)
+def test_the_example_runs_in_a_fresh_interpreter(name, tmp_path):
     options, said = SHORT[name]
     result = subprocess.run(
         [sys.executable, "-W", "error::DeprecationWarning:__main__", EXAMPLES / f"{name}.py", *options.split()],

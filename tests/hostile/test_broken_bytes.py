@@ -1,4 +1,7 @@
-"""Every kind of file, cut at every byte and with flipped bits: read, or one clear error that names the file."""
+"""Every kind of file, cut and with flipped bits: read, or one clear error that names the file.
+
+The everyday run cuts and flips at some places, the nightly one cuts at every byte and flips more bits.
+"""
 
 import time
 
@@ -8,11 +11,12 @@ from victims import KINDS
 
 from creative_nao.errors import CreativeNaoError
 
-N_CUTS = 1_000
-"""A file of up to so many bytes is cut at every byte; a larger one at the first 400 and last 100, and 100 between."""
-N_FLIPS = {"bundle": 150, "zoo_bundle": 150, "yaml": 150}
-N_CUTS_ALL = 4_000
-"""In the slow test, every file is cut at every byte."""
+N_CUTS = 200
+"""A file of up to so many bytes is cut at every byte; a larger one at the first 100 and last 20, and 80 between."""
+N_FLIPS, N_FLIPS_NIGHTLY = 60, 300
+MAX_BYTES = 4_000
+"""So small is every good file, so that the nightly run can cut it at every byte."""
+NIGHTLY = pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["some", "every"])
 
 
 def refused(victim, path):
@@ -36,7 +40,7 @@ def refused(victim, path):
 def cuts(size):
     if size <= N_CUTS:
         return range(size)
-    return [*range(400), *np.linspace(400, size - 100, 100).astype(int), *range(size - 100, size)]
+    return [*range(100), *np.linspace(100, size - 20, 80).astype(int), *range(size - 20, size)]
 
 
 def test_every_kind_is_tried_and_good_as_it_is(victims):
@@ -46,11 +50,11 @@ def test_every_kind_is_tried_and_good_as_it_is(victims):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)])
+@NIGHTLY
 def test_a_file_cut_at_any_byte_is_refused(kind, every, victims, tmp_path):
     victim = victims[kind]
     whole, path = victim.path.read_bytes(), tmp_path / f"cut-{victim.path.name}"
-    assert len(whole) <= N_CUTS_ALL
+    assert len(whole) <= MAX_BYTES
     for size in range(len(whole)) if every else cuts(len(whole)):
         path.write_bytes(whole[:size])
         must = size < len(whole) - 1 and victim.torn  # a last line may end without its mark
@@ -58,11 +62,12 @@ def test_a_file_cut_at_any_byte_is_refused(kind, every, victims, tmp_path):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_flipped_bit_is_read_or_refused(kind, victims, tmp_path):
+@NIGHTLY
+def test_a_flipped_bit_is_read_or_refused(kind, every, victims, tmp_path):
     victim = victims[kind]
     whole, path = victim.path.read_bytes(), tmp_path / f"flipped-{victim.path.name}"
     rng = np.random.default_rng([7, KINDS.index(kind)])
-    n = N_FLIPS.get(kind, 300)
+    n = N_FLIPS_NIGHTLY if every else N_FLIPS
     places = np.concatenate([rng.integers(0, min(len(whole), 1_500), n // 2), rng.integers(0, len(whole), n // 2)])
     for place, bit in zip(places, rng.integers(0, 8, n), strict=True):
         broken = bytearray(whole)

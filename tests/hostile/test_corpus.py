@@ -1,6 +1,7 @@
 """What the fuzzer has found once is read or refused by name for ever; and no reader of files is left untried."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -58,9 +59,10 @@ def readers(path):
     return ours, direct
 
 
+@cache
 def modules():
-    for path in sorted((ROOT / "creative_nao").rglob("*.py")):
-        yield str(path.relative_to(ROOT)), readers(path)
+    paths = sorted((ROOT / "creative_nao").rglob("*.py"))
+    return [(path.relative_to(ROOT).as_posix(), readers(path)) for path in paths]
 
 
 def test_every_reader_is_tried():

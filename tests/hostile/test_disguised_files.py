@@ -88,7 +88,7 @@ def test_ten_gigabytes_of_zeros_are_refused_unread(kind, victims, tmp_path):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 20_000, "kilobytes"
 
 
-@pytest.mark.parametrize("kind", ARCHIVES)
+@pytest.mark.parametrize("kind", ["map", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ARCHIVES[1:])])
 @pytest.mark.parametrize("told", [3_000_000_000, 1_000])
 def test_an_archive_that_unpacks_to_gigabytes_is_refused_before(kind, told, victims, tmp_path):
     """Also where the table of contents tells a smaller size than there is."""
