@@ -28,8 +28,8 @@ from creative_nao.demonstrations.resampling import monotone_cubic
 from creative_nao.errors import CreativeNaoError, SettingsError
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Entry, Report, entry_of, shipped_bank, wanted_networks
 from creative_nao.evaluation.paper.claims import DECIDED_BY_TABLE_I, compare, values_of
-from creative_nao.evaluation.paper.page import publish
-from creative_nao.evaluation.paper.run import add_study
+from creative_nao.evaluation.paper.page import SENSITIVITY, publish
+from creative_nao.evaluation.paper.run import finish, write_json
 from creative_nao.evaluation.paper.summary import mean_with_interval
 from creative_nao.evaluation.run import read_record, refuse_links
 from creative_nao.evaluation.runner import in_threads
@@ -322,7 +322,7 @@ def _row(
         orders[name] = order_of({condition: one["mean"] if one else None for condition, one in figures[name].items()})
     for claim in DECIDED_BY_TABLE_I:
         verdict, differences = compare(values_of(networks, claim.field), claim, seed)
-        verdicts[claim.key] = {"verdict": verdict, "differences": [dataclasses.asdict(one) for one in differences]}
+        verdicts[claim.key] = {"verdict": verdict, "differences": differences}
     n_seeds = {name: sum(one["condition"] == name for one in networks) for name in CONDITION_NAMES}
     return {
         "key": key, "title": title, "n_seeds": n_seeds, "figures": figures, "order": orders, "verdicts": verdicts,
@@ -384,7 +384,8 @@ def run_study(
     with watch(epochs_of_training(settings)) as display:
         training = study_training(folder, settings, n_workers=cores, report=display.show)
     study = {"settings": settings.described(), "scoring": scoring, "training": training}
-    add_study(folder, run, study)
+    write_json(folder / SENSITIVITY, study)
+    finish(folder, run)
     return study
 
 

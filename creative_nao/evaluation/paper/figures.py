@@ -127,19 +127,6 @@ def _thinned(memory: Memory) -> tuple[np.ndarray, np.ndarray]:
     return epochs, np.array([np.median(history[part]) for part in parts])
 
 
-class Example(NamedTuple):
-    """A movement worth showing: what it is, and its joint angles [rad], shape (n_steps, n_joints)."""
-
-    title: str
-    trajectory: np.ndarray
-
-
-def basic_actions(demos: Demonstrations) -> Figure:
-    """Draw every basic action."""
-    taught = zip(demos.names, demos.trajectories, strict=True)
-    return _panels(demos, [Example(name.replace("_", " "), trajectory) for name, trajectory in taught], 3)
-
-
 def examples(networks: Sequence[Network], rng: np.random.Generator) -> tuple[Figure, str]:
     """Draw movements that cannot be used and movements that are new.
 
@@ -161,7 +148,7 @@ def examples(networks: Sequence[Network], rng: np.random.Generator) -> tuple[Fig
             points = np.flatnonzero(memory_map.outcome == outcome)
             if len(points):
                 pb = memory_map.pb[rng.choice(points)]
-                shown.append(Example(f"{word}: {memory.name} at {_place(pb)}", memory.generate(pb[None])[0]))
+                shown.append((f"{word}: {memory.name} at {_place(pb)}", memory.generate(pb[None])[0]))
                 break
         else:
             missing.append(f"no map has a {word} movement")
@@ -171,31 +158,30 @@ def examples(networks: Sequence[Network], rng: np.random.Generator) -> tuple[Fig
     best = farthest_points(generated, demos, 2, memory_map.appropriate)
     for place, index in enumerate(best.indices):
         rank = ("most novel", "then most novel")[place]
-        shown.append(Example(f"{rank}: {memory.name} at {_place(memory_map.pb[index])}", generated[index]))
+        shown.append((f"{rank}: {memory.name} at {_place(memory_map.pb[index])}", generated[index]))
     for _, memory, _, figures in networks:
         if (combination := figures["clearest_combination"]) is None:
             continue
         first, second = (combination[key].replace("_", " ") for key in ("first", "second"))
         joined = f"{first}, then {second}" if combination["kind"] == "in time" else f"right arm {first}, left {second}"
-        shown.append(Example(f"{memory.name}: {joined}", memory.generate(np.array([combination["pb"]]))[0]))
+        shown.append((f"{memory.name}: {joined}", memory.generate(np.array([combination["pb"]]))[0]))
         break
     else:
         missing.append("no map has a combination of two basic actions among the points that were looked at")
     return _panels(demos, shown, 2), "; ".join(missing)
 
 
-def draw_movement(ax: Axes, trajectory: np.ndarray, demos: Demonstrations, title: str = "") -> None:
+def _draw_movement(ax: Axes, trajectory: np.ndarray, demos: Demonstrations) -> None:
     """Draw one movement: right arm solid, left arm dashed, a colour for each pair of joints."""
     seconds = demos.dt_s * np.arange(len(trajectory))
     pairs = list(dict.fromkeys(joint[1:] for joint in demos.joints))
     for joint, angles in zip(demos.joints, trajectory.T, strict=True):
         colour = BASIC_ACTIONS[pairs.index(joint[1:]) % len(BASIC_ACTIONS)]
         ax.plot(seconds, angles, color=colour, linestyle=RIGHT if joint.startswith("R") else LEFT, linewidth=1.3)
-    ax.set_title(title, fontsize=9.5)
     ax.set_xlim(0.0, seconds[-1])
 
 
-def joint_legend(demos: Demonstrations) -> list[Line2D]:
+def _joint_legend(demos: Demonstrations) -> list[Line2D]:
     """Return legend entries of the joints and of the two arms."""
     pairs = list(dict.fromkeys(joint[1:] for joint in demos.joints))
     handles = [Line2D([], [], color=BASIC_ACTIONS[k % len(BASIC_ACTIONS)], label=pair) for k, pair in enumerate(pairs)]
@@ -203,18 +189,20 @@ def joint_legend(demos: Demonstrations) -> list[Line2D]:
     return [*handles, *(Line2D([], [], color=INK, linestyle=style, label=word) for word, style in arms)]
 
 
-def _panels(demos: Demonstrations, shown: Sequence[Example], n_columns: int) -> Figure:
+def _panels(demos: Demonstrations, shown: Sequence[tuple[str, np.ndarray]], n_columns: int) -> Figure:
+    """Draw movements with their titles; trajectories [rad] of shape (n_steps, n_joints)."""
     n_rows = -(-len(shown) // n_columns)
     drawn, axes = figure(9.4, 2.1 * n_rows + 0.9, n_rows, n_columns, sharex=True, sharey=True)
-    for ax, example in zip(axes, shown, strict=False):
-        draw_movement(ax, example.trajectory, demos, example.title)
+    for ax, (title, trajectory) in zip(axes, shown, strict=False):
+        _draw_movement(ax, trajectory, demos)
+        ax.set_title(title, fontsize=9.5)
     for ax in axes[len(shown) :]:
         ax.remove()
     for ax in axes[max(0, len(shown) - n_columns) : len(shown)]:
         ax.tick_params(labelbottom=True)
     drawn.supxlabel("time [s]", fontsize=10)
     drawn.supylabel("joint angle [rad]", fontsize=10)
-    drawn.legend(handles=joint_legend(demos), loc="outside upper center", ncols=6, fontsize=9)
+    drawn.legend(handles=_joint_legend(demos), loc="outside upper center", ncols=6, fontsize=9)
     return drawn
 
 
@@ -291,14 +279,14 @@ def walk(memory: Memory, memory_map: PBMap) -> Figure:
         nearest = memory.demonstrations.names[scores.nearest[place]]
         letter = action_letter(int(scores.nearest[place]))
         what = f"{scores.outcome[place].replace('_', '-')}, nearest {letter} {nearest.replace('_', ' ')}"
-        draw_movement(panel, generated[place], memory.demonstrations)
+        _draw_movement(panel, generated[place], memory.demonstrations)
         where = f"PB {_place(points[place])}, DTW {scores.novelty[place]:.1f}"
         panel.set_title(f"{place + 1}: {what}\n{where}", fontsize=8.5)
     for panel in panels[-1]:
         panel.set_xlabel("time [s]")
     right.supylabel("joint angle [rad]", fontsize=10)
     left.legend(handles=_plain_legend(memory_map), loc="outside lower center", ncols=2, fontsize=8.5)
-    right.legend(handles=joint_legend(memory.demonstrations), loc="outside lower center", ncols=3, fontsize=8.5)
+    right.legend(handles=_joint_legend(memory.demonstrations), loc="outside lower center", ncols=3, fontsize=8.5)
     return drawn
 
 
@@ -338,12 +326,16 @@ def draw_pictures(
     _, half, memory_map, _ = per["half"][0]
     # Half closed first, as in the paper's Fig. 3 and 5, then the others.
     half_first = sorted(every, key=lambda one: one.entry.condition != "half")
+    taught = [
+        (name.replace("_", " "), trajectory)
+        for name, trajectory in zip(half.demonstrations.names, half.demonstrations.trajectories, strict=True)
+    ]
     with styled():
         example_figure, missing = examples(half_first, np.random.default_rng(seed))
         for name, drawn in (
             ("learning", learning_curves(per)),
             ("table", table_dots(per, rows)),
-            ("actions", basic_actions(half.demonstrations)),
+            ("actions", _panels(half.demonstrations, taught, 3)),
             ("examples", example_figure),
             ("maps", three_maps(per)),
             ("all_maps", all_maps(per)),

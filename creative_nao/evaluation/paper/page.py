@@ -5,6 +5,7 @@ The same files give the same page. It is Markdown for the documentation; a run f
 
 from __future__ import annotations
 
+import itertools
 import json
 import shutil
 from collections.abc import Mapping
@@ -19,14 +20,20 @@ from creative_nao import storage
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.pages import DASH, data_uri, render
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES
-from creative_nao.evaluation.paper.claims import CONDITION_TITLES, DECIDED_BY_TABLE_I, FURTHER, TABLE_I
-from creative_nao.evaluation.paper.comparisons import FAILS, HOLDS, UNDECIDED
+from creative_nao.evaluation.paper.claims import (
+    CONDITION_TITLES,
+    DECIDED_BY_TABLE_I,
+    FAILS,
+    FURTHER,
+    HOLDS,
+    TABLE_I,
+    UNDECIDED,
+)
 from creative_nao.evaluation.results import naming
 from creative_nao.evaluation.run import read_record
 from creative_nao.storage import as_json, read_text
 
 PAGE = "reproduction.md"
-TEMPLATE = "paper.md.jinja"
 RESULTS_AT = "results/paper"
 """Where the documentation keeps the result files, seen from the page."""
 
@@ -53,12 +60,6 @@ def number(value: float | None, digits: int | None = None) -> str:
     return text.replace("-", MINUS)
 
 
-def signed(value: float) -> str:
-    """Return a difference with its sign."""
-    text = number(value)
-    return text if text.startswith(MINUS) else f"+{text}"
-
-
 def interval(low: float | None, high: float | None) -> str:
     """Return an interval in brackets after a space, or nothing where there is none."""
     return "" if low is None or high is None else f" [{number(low)}, {number(high)}]"
@@ -73,6 +74,14 @@ def by_condition(values: Mapping[str, Any], digits: int | None = None) -> str:
     """Return one figure, or mean, of the three conditions: open / half / closed."""
     plain = [values.get(name) for name in CONDITION_NAMES]
     return " / ".join(number(one["mean"] if isinstance(one, Mapping) else one, digits) for one in plain)
+
+
+FORMATS = {
+    "number": number, "interval": interval, "mean_cell": mean_cell, "by_condition": by_condition, "signs": SIGNS,
+    "conditions": CONDITION_NAMES, "titles": CONDITION_TITLES, "measures": (*TABLE_I, *FURTHER),
+    "judged": DECIDED_BY_TABLE_I,
+}  # fmt: skip
+"""What the template needs besides results."""
 
 
 def read_content(folder: Path) -> dict[str, Any]:
@@ -105,23 +114,14 @@ def make_page(content: Mapping[str, Any], *, results_at: str = "") -> str:
     with naming("results"):
         try:
             return render(
-                TEMPLATE,
+                "paper.md.jinja",
                 **content,
+                **FORMATS,
                 n_seeds={row["memory"]: row["n_seeds"] for row in content["results"]["rows"]},
                 by_verdict={sign: [one for one in content["claims"] if one["verdict"] == sign] for sign in SIGNS},
                 findings=findings(study) if study else [],
-                judged=DECIDED_BY_TABLE_I,
                 files=[*(name for name in RESULT_FILES if study or name != SENSITIVITY), "networks.csv"],
                 prefix=f"{results_at}/" if results_at else "",
-                conditions=CONDITION_NAMES,
-                titles=CONDITION_TITLES,
-                measures=(*TABLE_I, *FURTHER),
-                signs=SIGNS,
-                number=number,
-                signed=signed,
-                interval=interval,
-                mean_cell=mean_cell,
-                by_condition=by_condition,
             )
         except jinja2.UndefinedError as error:
             raise FileFormatError(f"results: {error}") from error
@@ -138,22 +138,23 @@ def findings(study: Mapping[str, Any]) -> list[dict[str, Any]]:
         `first`: the condition that should have the largest mean, which it has in `n_first` of `n_ways` ways.
     """
     result = []
-    for kind in ("scoring", "training"):
-        rows = study[kind]
-        for claim in DECIDED_BY_TABLE_I:
-            titles = {
-                verdict: [row["title"] for row in rows if row["verdicts"][claim.key]["verdict"] == verdict]
-                for verdict in (HOLDS, FAILS, UNDECIDED)
-            }
-            first = claim.pairs[0][0]
-            result.append({
+    for kind, claim in itertools.product(("scoring", "training"), DECIDED_BY_TABLE_I):
+        rows, first = study[kind], claim.pairs[0][0]
+        titles: dict[str, list[str]] = {HOLDS: [], FAILS: [], UNDECIDED: []}
+        for row in rows:
+            titles[row["verdicts"][claim.key]["verdict"]].append(row["title"])
+        n_first = sum(row["order"][claim.field][:1] == [first] for row in rows)
+        titles = {verdict: names for verdict, names in titles.items() if names}
+        result.append(
+            {
                 "study": kind,
                 "says": claim.says,
-                "titles": {verdict: names for verdict, names in titles.items() if names},
+                "titles": titles,
                 "first": first,
-                "n_first": sum(row["order"][claim.field][:1] == [first] for row in rows),
+                "n_first": n_first,
                 "n_ways": len(rows),
-            })  # fmt: skip
+            }
+        )
     return result
 
 
@@ -167,15 +168,11 @@ def to_html(markdown: str, images: Path) -> str:
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(markdown)
     for token in tokens:
-        kept, is_dropped = [], False
         for child in token.children or []:
             if child.type == "image":
                 child.attrs["src"] = data_uri(images / str(child.attrs["src"]))
-            if child.type == "link_open":  # files of the documentation are not beside a report
-                is_dropped = not str(child.attrs["href"]).startswith("https://")
-            if not (is_dropped and child.type in ("link_open", "link_close")):
-                kept.append(child)
-        token.children = kept if token.children is not None else None
+            if child.type == "link_open" and not str(child.attrs["href"]).startswith("https://"):
+                del child.attrs["href"]  # files of the documentation are not beside a report
     body = parser.renderer.render(tokens, parser.options, {})
     body = body.replace("&lt;br&gt;", "<br>")
     body = body.replace("<table>", '<div class="wide">\n<table>').replace("</table>", "</table>\n</div>")

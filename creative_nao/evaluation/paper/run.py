@@ -23,7 +23,7 @@ from creative_nao.evaluation.paper.bank import (
     wanted_networks,
 )
 from creative_nao.evaluation.paper.claims import judge
-from creative_nao.evaluation.paper.page import SENSITIVITY, write_page
+from creative_nao.evaluation.paper.page import write_page
 from creative_nao.evaluation.paper.summary import make_results, measure_entry, networks_csv
 from creative_nao.evaluation.run import hashes, open_folder, write_record
 from creative_nao.evaluation.runner import in_threads
@@ -80,7 +80,12 @@ def reproduce(
     start = time.monotonic()
     bank, failures = _bank(folder, settings, cores, watch)
     memories = {entry.name: entry.sha256 for entry in bank}
-    _check_networks(folder, kept.get("memories"), memories)
+    if kept.get("memories", memories) != memories:
+        had = kept["memories"]
+        changed = min(name for name in {*had, *memories} if had.get(name) != memories.get(name))
+        raise SettingsError(
+            f"{folder} was started with other networks ({changed} has changed since); choose another folder"
+        )
     piece = "networks measured"
     with watch({piece: len(bank)}) as report:
         networks = in_threads(
@@ -89,36 +94,23 @@ def reproduce(
         )  # fmt: skip
     results = make_results(networks, resolution=settings.resolution, seed=settings.seed)
     claims = judge(networks, seed=settings.seed)
-    _write_json(folder / "results.json", results)
-    _write_json(folder / "claims.json", claims)
+    write_json(folder / "results.json", results)
+    write_json(folder / "claims.json", claims)
     storage.write_text(folder / "networks.csv", networks_csv(networks))
     # Drawing is loaded here: a worker draws nothing.
     from creative_nao.evaluation.paper.figures import draw_pictures
 
     shown = draw_pictures(folder, bank, networks, results["rows"], seed=settings.seed)
-    _write_json(folder / "figures.json", {**shown, "failures": failures})
+    write_json(folder / "figures.json", {**shown, "failures": failures})
     seconds = round(time.monotonic() - start + kept.get("seconds", 0.0), 1)
     finish(folder, {**kept, "memories": memories, "n_workers": cores, "seconds": seconds})
     return Reproduction(folder, results, claims)
 
 
-def add_study(folder: Path, run: Mapping[str, Any], study: Mapping[str, Any]) -> None:
-    """Add the study of the open choices to a finished run folder, and write its page anew.
-
-    Args:
-        folder: Run folder.
-        run: Its record.
-        study: Content of `sensitivity.json`.
-    """
-    _write_json(folder / SENSITIVITY, study)
-    finish(folder, run)
-
-
 def finish(folder: Path, run: Mapping[str, Any]) -> None:
-    """Write the record, page and report of a run folder, and the hashes of all results into the record."""
+    """Write record, page and report of a run folder, with the hashes of all results but those kept for resuming."""
     write_record(folder, {**run})
     write_page(folder)
-    # What is only kept to go on from is left out.
     results = {k: v for k, v in hashes(folder).items() if not k.startswith(("sensitivity/", "measured/"))}
     write_record(folder, {**run, "hashes": results})
 
@@ -131,13 +123,6 @@ def _bank(folder: Path, settings: PaperSettings, n_workers: int, watch: Watch) -
         return train_bank(folder, settings, n_workers=n_workers, report=report)
 
 
-def _check_networks(folder: Path, had: Mapping[str, str] | None, memories: Mapping[str, str]) -> None:
-    if had is not None and had != memories:
-        changed = sorted(name for name in {*had, *memories} if had.get(name) != memories.get(name))
-        raise SettingsError(
-            f"{folder} was started with other networks ({changed[0]} has changed since); choose another folder"
-        )
-
-
-def _write_json(path: Path, content: Any) -> None:
+def write_json(path: Path, content: Any) -> None:
+    """Write a result file in one step."""
     storage.write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")

@@ -2,8 +2,16 @@
 
 import pytest
 
-from creative_nao.evaluation.paper.claims import CLAIMS, CONVERGED_LEVEL, OWNED_PCT, SHOWS, judge
-from creative_nao.evaluation.paper.comparisons import FAILS, HOLDS, UNDECIDED
+from creative_nao.evaluation.paper.claims import (
+    CLAIMS,
+    CONVERGED_LEVEL,
+    FAILS,
+    HOLDS,
+    OWNED_PCT,
+    SHOWS,
+    UNDECIDED,
+    judge,
+)
 
 AS_IN_THE_PAPER = {
     "novelty": {"open": 26.0, "half": 31.7, "closed": 18.5},
