@@ -128,8 +128,8 @@ def _draw_film(
 
 def _keep(folder: Path, suite: Suite, memory: str | None, name: str, drawn: Figure) -> Picture:
     """Write a figure of one memory, or with None of all."""
-    single = memory is None or len(suite.memories) == 1
-    png = save(drawn, folder / "figures" / (f"{name}.png" if single else f"{name}-{slug(memory)}.png"))
+    file = f"{name}-{slug(memory)}.png" if memory is not None and len(suite.memories) > 1 else f"{name}.png"
+    png = save(drawn, folder / "figures" / file)
     # A map of 40,000 points and photographs are no drawings: their SVG would be many times as large.
     return Picture(name, memory, png if name in ("choices", "film") else png.with_suffix(".svg"))
 

@@ -94,16 +94,19 @@ def code(text: str) -> str:
 
 def paragraph(text: str) -> str:
     """Return sentences as one wrapped paragraph of Markdown and an empty line."""
-    return _wrapped(text) + "\n\n"
+    return _wrapped(text, "", "") + "\n\n"
 
 
 def bullet(text: str) -> str:
     """Return sentences as one wrapped item of a Markdown list."""
-    return _wrapped(text, initial_indent="- ", subsequent_indent="  ") + "\n"
+    return _wrapped(text, "- ", "  ") + "\n"
 
 
-def _wrapped(text: str, **indents: str) -> str:
-    return textwrap.fill(" ".join(text.split()), WIDTH, break_long_words=False, break_on_hyphens=False, **indents)
+def _wrapped(text: str, first: str, others: str) -> str:
+    wrapper = textwrap.TextWrapper(
+        WIDTH, initial_indent=first, subsequent_indent=others, break_long_words=False, break_on_hyphens=False
+    )
+    return wrapper.fill(" ".join(text.split()))
 
 
 def interval(found: Mapping[str, Any] | None, digits: int, *, scale: float = 1.0, sign: str = "") -> str:

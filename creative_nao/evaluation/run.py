@@ -87,7 +87,8 @@ def _difference(found: dict[str, Any], fresh: dict[str, Any]) -> str | None:
     had, wanted = found["settings"], fresh["settings"]
     if (name := had.get("suite", {}).get("name")) != wanted["suite"]["name"]:
         return f"holds suite `{name}`, not `{wanted['suite']['name']}`"
-    if changed := sorted(key for key in wanted["suite"] if had["suite"].get(key) != wanted["suite"][key]):
+    decisive = wanted["suite"].keys() - {"about"}  # which is prose for the report
+    if changed := sorted(key for key in decisive if had["suite"].get(key) != wanted["suite"][key]):
         return f"was started with other settings of suite `{name}` ({', '.join(changed)})"
     for key in wanted:
         if had.get(key) != wanted[key] and key != "suite":

@@ -13,6 +13,7 @@ import math
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr, stdtrit
@@ -196,8 +197,8 @@ def profile_band(
     return bootstrap_interval(samples, len(values))
 
 
-def bootstrap_interval(samples: np.ndarray, n_runs: int, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:
-    """Return both ends of the expanded percentile interval of bootstrap samples.
+def bootstrap_interval(samples: np.ndarray, n_runs: int, level: float = LEVEL) -> tuple[Any, Any]:
+    """Return both ends of the expanded percentile interval of bootstrap samples, numbers or arrays of shape (...).
 
     Args:
         samples: Shape (n_resamples, ...): the statistic of each bootstrap sample.

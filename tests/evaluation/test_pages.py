@@ -36,7 +36,7 @@ def test_a_name_cannot_break_a_table():
 
 @pytest.fixture
 def page(tmp_path):
-    def page(name, text, **values):
+    def page(name, text, /, **values):
         (tmp_path / name).write_text(text)
         return render(name, tmp_path, **values)
 
