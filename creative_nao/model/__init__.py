@@ -6,7 +6,7 @@ Training: `train`, `train_many`, `train_network`, `NetworkSettings`, `TrainingSe
 Inside, in reading order:
 
 - Network: `config` (settings and parameters), `encoding` (Eq. 6, 7), `network` (Eq. 1-5 in torch, the reference).
-- Training: `training` (one network, with checkpoints), `multi_seed` (many), `compiled_training` (an epoch, compiled).
+- Training: `training` (one network or many, with checkpoints), `compiled_training` (an epoch, compiled).
 - Generation: `memory`, `generation` (in closed loop, at once or a few ticks at a time), `compiled_generation`.
 - Recognition: `recognition` (error regression, with derivatives from `compiled_generation`).
 - What compiled code shares: `matmul` (the matrix product), `simd` (vectors; exp, tanh, log).
@@ -27,9 +27,8 @@ from creative_nao.model.memory import (
     split_of,
     walk,
 )
-from creative_nao.model.multi_seed import Trained, checkpoint_of, reproduction, train, train_many
 from creative_nao.model.recognition import Recognition
-from creative_nao.model.training import train_network
+from creative_nao.model.training import Trained, checkpoint_of, reproduction, train, train_many, train_network
 
 __all__ = [
     "CONDITIONS",

@@ -22,10 +22,7 @@ from creative_nao.model.simd import F, at_least, compiled, exp32, load16, multip
 def _add_products(weights, first_weight, n_presynaptic, inputs, first_input, n_inputs, start, out, first, n_units):
     """Compute out[i, :] = start[i, :] + sum over k of w_ik inputs[k, :] for `n_units` rows from row `first` on.
 
-    Args:
-        weights: Rows of `n_presynaptic` weights, one for each unit; `first_weight` is the first that counts.
-        inputs: Activations, `n_inputs` rows from `first_input` on.
-        start, out: Of equal shape; may be the same array.
+    A unit has a row of `n_presynaptic` weights; the sum takes `n_inputs` of them, with those rows of `inputs`.
     """
     width = out.shape[1]
     for column in range(0, width, PANEL):
@@ -151,17 +148,7 @@ def _add_outgoing(weights, activations, first, last, out):
 
 @compiled()
 def _tick(w_in, w_out, w_hidden, b_out, starts, rate, references, drive, x, u, y, code, total, angles):
-    """Run one point for one tick.
-
-    Args:
-        net: `generation.Weights` with a row for each presynaptic unit.
-        drive: Bias and PB input of each hidden unit.
-        x: Code that the network reads, (n_codes,).
-        u, y: Internal states and activations, (n_hidden,); changed.
-        code: Where the predicted code goes, (n_codes,): what the network reads next.
-        total: Working memory, (n_hidden,).
-        angles: Where the joint angles of the tick go, (n_joints,).
-    """
+    """Run one point for one tick: x is what the network reads, `code` what it reads next, u and y are its state."""
     n_codes, n_hidden, n_fast, n_layers = x.shape[0], rate.shape[0], starts[1], starts.shape[0] - 1
     n_joints, n_units = references.shape
     code[:] = b_out

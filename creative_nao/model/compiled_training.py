@@ -47,32 +47,21 @@ class Workspace(NamedTuple):
 
     target: np.ndarray
     """Target codes, rows of `n_codes`, zero past an action's end: these ticks add nothing to the loss."""
-    weight: np.ndarray
-    """Sum of the target code of each joint, rows of `n_joints`: 1, or 0 past the end."""
-    entropy: np.ndarray
-    """Sum of target log target of each joint, rows of `n_joints`."""
-    rate: np.ndarray
-    """1 / time constant of each column."""
-    real: np.ndarray
-    """1 where the packed vector holds a parameter, else 0."""
+    weight: np.ndarray  # sum of the target code of each joint, rows of `n_joints`: 1, or 0 past the end
+    entropy: np.ndarray  # sum of target log target of each joint, rows of `n_joints`
+    rate: np.ndarray  # 1 / time constant of each column
+    real: np.ndarray  # 1 where the packed vector holds a parameter, else 0
     z: np.ndarray
     da: np.ndarray
-    o: np.ndarray
-    """Predicted codes, rows of `n_codes`."""
-    a: np.ndarray
-    """Summed inputs of one tick, in the backward pass the derivative of the loss with respect to z."""
-    u: np.ndarray
-    """Internal states, in the backward pass their derivatives."""
-    start: np.ndarray
-    """What a sum begins with: bias and drive of the PB units; a row for each action."""
+    o: np.ndarray  # predicted codes, rows of `n_codes`
+    a: np.ndarray  # summed inputs of one tick, in the backward pass the derivative of the loss with respect to z
+    u: np.ndarray  # internal states, in the backward pass their derivatives
+    start: np.ndarray  # what a sum begins with: bias and drive of the PB units; a row for each action
     d_start: np.ndarray
     pb: np.ndarray
-    zeros: np.ndarray
-    """One row."""
-    w_back: np.ndarray
-    """The panels of the transposed weight matrix."""
-    gradient: np.ndarray
-    """Packed like the parameters."""
+    zeros: np.ndarray  # one row
+    w_back: np.ndarray  # the panels of the transposed weight matrix
+    gradient: np.ndarray  # packed like the parameters
 
 
 @compiled(inline="always")
@@ -271,35 +260,22 @@ def adam_step(vector, gradient, real, first, second, epoch, learning_rate):
 
 @compiled()
 def run_epochs(lay, work, vector, first, second, best, ratios, allowed, losses, epoch, best_loss, learning_rate):
-    """Train for one epoch per closed-loop ratio, or until the loss is not finite.
+    """Train as `CompiledNetwork.run_epochs` says, on packed vectors that are changed in place.
 
-    Args:
-        lay, work: Sizes and arrays.
-        vector, first, second: Packed parameters and Adam's moments, changed in place.
-        best: Packed parameters of the epoch with the lowest loss, replaced when a lower one comes.
-        ratios: Closed-loop ratios, float32.
-        allowed: Whether each epoch may be the best, bool.
-        losses: Where the losses go; that of an epoch is the loss of the parameters before its step.
-        epoch: Epochs done before.
-        best_loss: Lowest loss before.
-        learning_rate: Step size.
-
-    Returns:
-        Epochs done, the best of them counted from 1 (0 if none is better), and the lowest loss. When it is less than
-        asked for, nothing has changed in the epoch whose loss is not finite.
+    An epoch's loss is that of the parameters before its step. Where it is not finite, the epoch changes nothing.
     """
     best_epoch = 0
     for i in range(ratios.size):
         loss = loss_and_gradient(lay, work, vector, ratios[i])
         if not math.isfinite(loss):
-            return i, best_epoch, best_loss
+            return i, best_epoch
         losses[i] = loss
         if allowed[i] and loss < best_loss:
             best_loss, best_epoch = loss, i + 1
             for k in range(0, vector.size, 16):
                 store(load16(vector, k), best, k)
         adam_step(vector, work.gradient, work.real, first, second, epoch + i + 1, learning_rate)
-    return ratios.size, best_epoch, best_loss
+    return ratios.size, best_epoch
 
 
 class CompiledNetwork:
@@ -314,20 +290,16 @@ class CompiledNetwork:
     """
 
     def __init__(self, settings: NetworkSettings, codes: np.ndarray, lengths: np.ndarray) -> None:
-        self._packing = Packing(settings, codes.shape[2], codes.shape[0])
-        self.layout = self._packing.layout
-        self._work = self._workspace(settings, codes, lengths)
-
-    def _workspace(self, settings: NetworkSettings, codes: np.ndarray, lengths: np.ndarray) -> Workspace:
-        lay = self.layout
-        n_actions, n_steps, _ = codes.shape
+        n_actions, n_steps, n_codes = codes.shape
+        self._packing = Packing(settings, n_codes, n_actions)
+        self.layout = lay = self._packing.layout
         target = aligned(n_steps, n_actions, lay.n_codes)
         counts = np.arange(n_steps)[:, None] < lengths[None, :]
         target[:, :, self._packing.code_columns] = codes.transpose(1, 0, 2) * counts[:, :, None]
         units = target.reshape(n_steps, n_actions, settings.n_softmax_units, lay.n_joints).astype(np.float64)
         entropy = (units * np.log(np.where(units > 0, units, 1))).sum(axis=2)
-        rows, lines, few = n_steps * n_actions * lay.row, lay.width, n_actions * lay.row
-        return Workspace(
+        rows, few = n_steps * n_actions * lay.row, n_actions * lay.row
+        self._work = Workspace(
             target=target.ravel(),
             weight=_copied(units.sum(axis=2)),
             entropy=_copied(entropy),
@@ -341,20 +313,16 @@ class CompiledNetwork:
             start=aligned(few),
             d_start=aligned(few),
             pb=aligned(n_actions * lay.n_pb),
-            zeros=aligned(lines),
+            zeros=aligned(lay.width),
             w_back=aligned(lay.bias),
             gradient=aligned(lay.size),
         )
 
     def loss_and_gradient(self, vector: np.ndarray, ratio: float) -> tuple[float, np.ndarray]:
-        """Return the loss of Eq. 4 and its gradient.
+        """Return the loss of Eq. 4 at a closed-loop ratio, and its gradient.
 
-        Args:
-            vector: Parameters, flat as in `config.parameter_shapes`, float32.
-            ratio: Closed-loop ratio.
-
-        Returns:
-            The loss, and the gradient in the order of `vector`, zero where layers are not neighbours.
+        Parameters and gradient are flat as in `config.parameter_shapes`, float32; the gradient is zero where layers
+        are not neighbours.
         """
         loss = loss_and_gradient(self.layout, self._work, self._packing.pack(vector), np.float32(ratio))
         return loss, self._packing.unpack(self._work.gradient, np.zeros_like(vector))
@@ -384,7 +352,7 @@ class CompiledNetwork:
         """
         packed = [self._packing.pack(vector) for vector in vectors]
         losses = np.empty(len(ratios))
-        n_done, best_epoch, _ = run_epochs(
+        n_done, best_epoch = run_epochs(
             self.layout, self._work, *packed, np.ascontiguousarray(ratios, np.float32), allowed, losses,
             epoch, float(best_loss), float(learning_rate),
         )  # fmt: skip

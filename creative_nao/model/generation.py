@@ -41,12 +41,9 @@ class Weights(NamedTuple):
     w_pb: np.ndarray
     b_out: np.ndarray
     b_hidden: np.ndarray
-    starts: np.ndarray
-    """First unit of each hidden layer, and their number, (n_layers + 1,) int64."""
-    rate: np.ndarray
-    """1 / time constant of each hidden unit."""
-    references: np.ndarray
-    """Reference angles of the code [rad], (n_joints, n_units)."""
+    starts: np.ndarray  # first unit of each hidden layer, and their number, (n_layers + 1,) int64
+    rate: np.ndarray  # 1 / time constant of each hidden unit
+    references: np.ndarray  # reference angles of the code [rad], (n_joints, n_units)
 
 
 @dataclass(eq=False)
@@ -247,18 +244,9 @@ def pb_points(value: ArrayLike, n_pb: int, name: str, least: int = 0) -> np.ndar
 def pb_of_each_tick(
     points: ArrayLike, n_pb: int, n_steps: int, at_ticks: Sequence[int] | np.ndarray | None = None
 ) -> np.ndarray:
-    """Return the PB value at every tick of a movement whose PB moves in straight lines from point to point.
+    """Return the PB value at every tick of `Memory.generate_path`, which describes the arguments, (n_steps, n_pb).
 
-    Args:
-        points: Where the PB moves, in [-1, 1], shape (n, n_pb).
-        n_pb: PB units of the memory.
-        n_steps: Ticks of the movement.
-        at_ticks: When each point is reached, rising, shape (n,); before the first and after the last the PB rests.
-            Two points at one tick are a jump: from that tick on the later one counts. Default: evenly from tick 0,
-            which is given, to the last.
-
-    Returns:
-        Shape (n_steps, n_pb).
+    Before the first and after the last point the PB rests; from the tick of a jump on the later point counts.
 
     Raises:
         ShapeError: If `points` is not (n, n_pb) or leaves [-1, 1].

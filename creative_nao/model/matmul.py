@@ -177,30 +177,20 @@ class Layout(NamedTuple):
     """Sizes and places, as the compiled functions read them."""
 
     n_actions: int
-    n_joints: int
-    """Filled up to a multiple of eight."""
-    n_codes: int
-    """Columns of P_I and P_O: n_joints times softmax units; the hidden units begin at `first_hidden`."""
+    n_joints: int  # filled up to a multiple of eight
+    n_codes: int  # columns of P_I and P_O: n_joints times softmax units; the hidden units begin at `first_hidden`
     first_hidden: int
-    width: int
-    """Columns, a multiple of `PANEL`."""
+    width: int  # columns, a multiple of `PANEL`
     row: int
     """Distance between two rows: an odd number of cache lines, so that a column of numbers spreads over the cache."""
     n_pb: int
-    low: np.ndarray
-    """First presynaptic unit of each panel, int64."""
-    high: np.ndarray
-    """End of the presynaptic units of each panel."""
-    place: np.ndarray
-    """Where each panel begins in the packed vector."""
-    bias: int
-    """Where the biases begin in the packed vector, one per column."""
-    w_pb: int
-    """Where the PB weights begin, a row of `width` for each PB unit."""
-    rho: int
-    """Where rho begins, a row of `n_pb` for each action."""
-    size: int
-    """Length of the packed vector."""
+    low: np.ndarray  # first presynaptic unit of each panel, int64
+    high: np.ndarray  # end of the presynaptic units of each panel
+    place: np.ndarray  # where each panel begins in the packed vector
+    bias: int  # where the biases begin in the packed vector, one per column
+    w_pb: int  # where the PB weights begin, a row of `width` for each PB unit
+    rho: int  # where rho begins, a row of `n_pb` for each action
+    size: int  # length of the packed vector
 
 
 def line_up(n: int, multiple: int) -> int:

@@ -175,36 +175,14 @@ def fused_loss(network: PBMTRNN, codes: Tensor, lengths: Tensor, ratio: float) -
     """Return what `kl_divergence(network(codes, ratio), codes, lengths)` returns, by the compiled engine (Eq. 1-5).
 
     Its `.backward()` fills the gradients of the same parameters. It can be called once per result and not be
-    differentiated twice; codes and lengths get no gradient. For long training use `train`, which keeps whole runs of
-    epochs in compiled code.
-
-    Args:
-        network: The readable network; its parameters are read, and it must be on the CPU in float32.
-        codes: Target codes, (n_actions, n_steps, n_codes), positive.
-        lengths: Number of steps of each action, (n_actions,); later steps do not count.
-        ratio: Closed-loop ratio in [0, 1] (Eq. 5).
-
-    Returns:
-        The loss, a scalar float32 tensor.
+    differentiated twice; codes and lengths get no gradient. The network must be on the CPU in float32.
 
     Raises:
-        ShapeError: If `codes` or `lengths` does not fit the network.
-
-    Example:
-        >>> from creative_nao.model import NetworkSettings
-        >>> settings = NetworkSettings(layer_sizes=(5,), time_constants=(2,), n_softmax_units=2)
-        >>> network = PBMTRNN(settings, n_codes=2, n_actions=1)
-        >>> loss = fused_loss(network, torch.full((1, 4, 2), 0.5), torch.tensor([4]), ratio=0.0)
-        >>> loss.backward()
-        >>> tuple(network.rho.grad.shape)
-        (1, 2)
+        ShapeError: If `codes` is not (n_actions, n_steps, n_codes) or `lengths` not (n_actions,).
     """
     n_actions, n_codes = network.shapes["rho"][0], network.shapes["b_out"][0]
     if codes.ndim != 3 or codes.shape[0] != n_actions or codes.shape[2] != n_codes:
-        raise ShapeError(
-            f"`codes` should have shape ({n_actions}, n_steps, {n_codes}) for this network, "
-            f"but has {tuple(codes.shape)}"
-        )
+        raise ShapeError(f"`codes` should have shape ({n_actions}, n_steps, {n_codes}), but has {tuple(codes.shape)}")
     if lengths.shape != (n_actions,):
         raise ShapeError(f"`lengths` should have shape ({n_actions},), one per action, but has {tuple(lengths.shape)}")
     compiled = CompiledNetwork(network.settings, codes.detach().numpy(), lengths.numpy())

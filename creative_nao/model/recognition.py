@@ -12,7 +12,6 @@ the warping distance itself, which forgives what squared errors do not: being a 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -104,39 +103,6 @@ class Recognition:
         )
 
 
-@dataclass(eq=False)
-class Descents:
-    """The state of several descents.
-
-    Attributes:
-        unknowns: PB values and, if sought, initial states of the slowest layer, shape (n, k).
-        error: Mean squared difference of the angles [rad^2], with the penalty of the states, shape (n,).
-    """
-
-    unknowns: np.ndarray
-    error: np.ndarray
-
-    def best(self, n: int, apart: float) -> Descents:
-        """Return the `n` descents of the lowest error; of those closer than `apart` in every value, one."""
-        order = np.argsort(self.error, kind="stable")
-        order = order[distinct(self.unknowns[order], n, apart)]
-        return Descents(self.unknowns[order], self.error[order])
-
-
-class NormalEquations(NamedTuple):
-    """The squared error of n points and its quadratic approximation (Gauss-Newton).
-
-    Attributes:
-        error: Mean squared difference of the angles from the target [rad^2], shape (n,).
-        curvature: J^T J, J the derivative of the angles by the unknowns over ticks and joints, (n, k, k).
-        downhill: J^T (target - angles), shape (n, k).
-    """
-
-    error: np.ndarray
-    curvature: np.ndarray
-    downhill: np.ndarray
-
-
 def checked_trajectory(trajectory: ArrayLike, joints: tuple[str, ...]) -> np.ndarray:
     """Return joint angles as float64 (n_steps, n_joints).
 
@@ -167,16 +133,9 @@ def infer_pb(
     n_screen: int,
     seed: int,
 ) -> Recognition:
-    """Find the PB value from which a network generates a movement, or the most similar one it has.
+    """Find the PB value from which a network generates a movement; `Memory.infer_pb` describes the arguments.
 
-    Args:
-        generator: The network, starting in its own initial posture.
-        target: Joint angles [rad], shape (n_steps, n_joints), at least two ticks.
-        infer_initial_state: Whether to start in the given first posture instead, and to seek the initial internal
-            states of the slowest layer too, the only ones that are remembered for long.
-        n_restarts: Descents side by side.
-        n_screen: Points of the even cover of the PB space; with three and more PB units, more help.
-        seed: Shifts the cover and draws the trial steps. One seed, one answer.
+    The initial states that may be sought are those of the slowest layer, the only ones that are remembered for long.
     """
     rng = np.random.default_rng(seed)
     if infer_initial_state:
@@ -186,9 +145,9 @@ def infer_pb(
     horizons = np.unique(np.geomspace(min(FIRST_HORIZON, len(target)), len(target), N_HORIZONS).round().astype(int))
     cover = even_cover(n_screen, n_pb, rng)
     errors = _prefix_errors(generator, cover, target, horizons)
-    descents = _from_short_to_long(generator, cover, errors, target, horizons, n_restarts, n_unknown)
+    by_error = _from_short_to_long(generator, cover, errors, target, horizons, n_restarts, n_unknown)
     by_warping = _nearest_by_warping(generator, cover, errors[-1], target)
-    unknowns = np.concatenate([descents.unknowns, np.pad(by_warping, ((0, 0), (0, n_unknown - n_pb)))])
+    unknowns = np.concatenate([by_error, np.pad(by_warping, ((0, 0), (0, n_unknown - n_pb)))])
     unknowns, error = _polished(generator, unknowns, target, rng)
     trajectories = _generate(generator, unknowns, len(target))
     squared = ((trajectories[:, 1:] - target[1:]) ** 2).mean(axis=(1, 2))
@@ -234,19 +193,21 @@ def _from_short_to_long(
     horizons: np.ndarray,
     n_restarts: int,
     n_unknown: int,
-) -> Descents:
-    """Fit longer and longer beginnings; a third of the descents at each length are new."""
+) -> np.ndarray:
+    """Fit longer and longer beginnings, a third of the descents at each length new; return the last, best first."""
     n_pb = cover.shape[1]
     n_new = -(-n_restarts // 3)
     apart = 3.0 * len(cover) ** (-1.0 / n_pb)  # one and a half times the mean distance of the cover's points
-    alive = Descents(np.zeros((0, n_unknown)), np.zeros(0))
+    best = np.zeros((0, n_unknown))
     for horizon, error in zip(horizons, errors, strict=True):
         order = np.argsort(error, kind="stable")[: 40 * n_new]
         fresh = cover[order[distinct(cover[order], n_new, apart)]]
-        starts = np.concatenate([alive.unknowns, np.pad(fresh, ((0, 0), (0, n_unknown - n_pb)))])
+        starts = np.concatenate([best, np.pad(fresh, ((0, 0), (0, n_unknown - n_pb)))])
         iterations = LAST_ITERATIONS if horizon == horizons[-1] else ITERATIONS
-        alive = descend(generator, starts, target[:horizon], iterations).best(n_restarts, SAME_POINT)
-    return alive
+        unknowns, squared = descend(generator, starts, target[:horizon], iterations)
+        unknowns = unknowns[np.argsort(squared, kind="stable")]
+        best = unknowns[distinct(unknowns, n_restarts, SAME_POINT)]
+    return best
 
 
 def _nearest_by_warping(
@@ -307,17 +268,23 @@ def distinct(points: np.ndarray, n: int, apart: float) -> np.ndarray:
     return np.array(chosen, dtype=np.int64)
 
 
-def descend(generator: ClosedLoopGenerator, starts: np.ndarray, target: np.ndarray, n_iterations: int) -> Descents:
-    """Lower the squared error from every start.
+def descend(
+    generator: ClosedLoopGenerator, starts: np.ndarray, target: np.ndarray, n_iterations: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lower the squared error from every start by at most so many steps.
 
     The descent is in rho, of which P = tanh(rho) (Eq. 1), seen from P: a step of rho times (1 - P^2) is a step of P,
     and cutting P at the border of [-1, 1] keeps rho's range without its vanishing slope there.
 
     Args:
         generator: The network.
-        starts: Shape (n, k): PB values and, if sought, initial states.
+        starts: Shape (n, k): PB values and, if sought, initial states of the slowest layer.
         target: What should be generated [rad], shape (n_steps, n_joints).
         n_iterations: At most; a descent ends earlier when it no longer gains.
+
+    Returns:
+        Where the descents end, (n, k), and the mean squared difference of the angles there [rad^2], with the penalty
+        of the states, (n,).
     """
     n_pb = generator.n_pb
     unknowns = _within(starts, n_pb)
@@ -352,7 +319,7 @@ def descend(generator: ClosedLoopGenerator, starts: np.ndarray, target: np.ndarr
         active = active[~done & (damping[active] < GIVE_UP_DAMPING)]
         if not len(active):
             break
-    return Descents(unknowns, error)
+    return unknowns, error
 
 
 def _within(unknowns: np.ndarray, n_pb: int) -> np.ndarray:
@@ -362,16 +329,23 @@ def _within(unknowns: np.ndarray, n_pb: int) -> np.ndarray:
     return inside
 
 
-def normal_equations(generator: ClosedLoopGenerator, unknowns: np.ndarray, target: np.ndarray) -> NormalEquations:
-    """Compare what each point generates with `target`, (n_steps, n_joints) [rad]; tick 0 is given, not compared."""
+def normal_equations(
+    generator: ClosedLoopGenerator, unknowns: np.ndarray, target: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compare what n points generate with `target`, (n_steps, n_joints) [rad]; tick 0 is given, not compared.
+
+    Returns:
+        The quadratic approximation of Gauss and Newton, J being the derivative of the angles by the unknowns: the mean
+        squared difference of the angles [rad^2], (n,), J^T J, (n, k, k), and J^T (target - angles), (n, k).
+    """
     n, k = unknowns.shape
-    equations = NormalEquations(np.empty(n), np.empty((n, k, k)), np.empty((n, k)))
+    error, curvature, downhill = np.empty(n), np.empty((n, k, k)), np.empty((n, k))
     for start in range(0, n, DIFFERENTIATED_BATCH):
         part = slice(start, min(start + DIFFERENTIATED_BATCH, n))
         angles, derivatives = generator.differentiate(unknowns[part], len(target))
         rest = (target[1:, :, None] - angles[1:]).reshape(-1, angles.shape[-1]).T  # (points, angles)
         jacobian = derivatives[1:].reshape(-1, k, angles.shape[-1]).transpose(2, 0, 1).astype(np.float64)
-        equations.error[part] = (rest**2).mean(axis=1)
-        equations.curvature[part] = jacobian.transpose(0, 2, 1) @ jacobian
-        equations.downhill[part] = (rest[:, None, :] @ jacobian)[:, 0]
-    return equations
+        error[part] = (rest**2).mean(axis=1)
+        curvature[part] = jacobian.transpose(0, 2, 1) @ jacobian
+        downhill[part] = (rest[:, None, :] @ jacobian)[:, 0]
+    return error, curvature, downhill

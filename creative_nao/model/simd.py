@@ -48,11 +48,6 @@ def spread(builder: ir.IRBuilder, scalar: ir.Value, n_lanes: int) -> ir.Value:
     return builder.shuffle_vector(first, empty, zeros)
 
 
-def constant(kind: ir.Type, value: float) -> ir.Constant:
-    """Return `value` as a constant of a float type, in every lane if it is a vector type."""
-    return ir.Constant(kind, [value] * kind.count if isinstance(kind, ir.VectorType) else value)
-
-
 def call_llvm(builder: ir.IRBuilder, name: str, kind: ir.Type, *arguments: ir.Value) -> ir.Value:
     """Emit a call of an LLVM intrinsic whose arguments and result are all of type `kind`."""
     suffix = f"v{kind.count}f32" if isinstance(kind, ir.VectorType) else "f32"
@@ -111,28 +106,31 @@ spread8 = _spreader(8)
 spread16 = _spreader(16)
 
 
-def _arithmetic(instruction: str) -> Any:
-    """Return an intrinsic for one instruction on two numbers, of which at least one is a vector."""
+def _elementwise(n_arguments: int, emit: Callable[..., ir.Value]) -> Any:
+    """Return an intrinsic of numbers or vectors; a number beside a vector is spread, then `emit` makes the code."""
 
-    @intrinsic
-    def operate(typing_context, left, right):
-        result = left if isinstance(left, Vector) else right
+    def define(*kinds):
+        result = next((kind for kind in kinds if isinstance(kind, Vector)), kinds[0])
 
         def generate(context, builder, signature, arguments):
-            sides = []
-            for value, kind in zip(arguments, signature.args, strict=True):
-                if not isinstance(kind, Vector):
-                    value = spread(builder, context.cast(builder, value, kind, types.float32), result.n_lanes)
-                sides.append(value)
-            return getattr(builder, instruction)(*sides, flags=CONTRACT)
+            values = list(arguments)
+            for i, kind in enumerate(kinds):
+                if isinstance(result, Vector) and not isinstance(kind, Vector):
+                    values[i] = spread(builder, context.cast(builder, values[i], kind, types.float32), result.n_lanes)
+            return emit(builder, *values)
 
-        return result(left, right), generate
+        return result(*kinds), generate
 
-    return operate
+    functions = {
+        1: lambda typing_context, a: define(a),
+        2: lambda typing_context, a, b: define(a, b),
+        3: lambda typing_context, a, b, c: define(a, b, c),
+    }
+    return intrinsic(functions[n_arguments])
 
 
-def _define(symbol: Any, instruction: str) -> None:
-    operate = _arithmetic(instruction)
+def _overload_operator(symbol: Any, instruction: str) -> None:
+    operate = _elementwise(2, lambda builder, a, b: getattr(builder, instruction)(a, b, flags=CONTRACT))
 
     @overload(symbol, inline="always")
     def define(left, right):
@@ -141,96 +139,46 @@ def _define(symbol: Any, instruction: str) -> None:
         return None
 
 
-for _symbol, _instruction in [
-    (operator.add, "fadd"),
-    (operator.sub, "fsub"),
-    (operator.mul, "fmul"),
-    (operator.truediv, "fdiv"),
-]:
-    _define(_symbol, _instruction)
+_overload_operator(operator.add, "fadd")
+_overload_operator(operator.sub, "fsub")
+_overload_operator(operator.mul, "fmul")
+_overload_operator(operator.truediv, "fdiv")
 
 
-def _chooser(comparison: str) -> Any:
-    @intrinsic
-    def choose(typing_context, value, bound):
-        def generate(context, builder, signature, arguments):
-            mine, other = arguments
-            if isinstance(value, Vector) and not isinstance(bound, Vector):
-                other = spread(builder, context.cast(builder, other, bound, types.float32), value.n_lanes)
-            beyond = builder.fcmp_ordered(comparison, mine, other)
-            return builder.select(beyond, other, mine)
-
-        return value(value, bound), generate
-
-    return choose
-
-
-at_least = _chooser("<")  # the larger of value and bound; a value that is not a number stays so
-at_most = _chooser(">")
-
-
-def _unary(name: str) -> Any:
-    @intrinsic
-    def apply(typing_context, value):
-        def generate(context, builder, signature, arguments):
-            return call_llvm(builder, name, arguments[0].type, arguments[0])
-
-        return value(value), generate
-
-    return apply
-
-
-round_down = _unary("llvm.floor")
-square_root = _unary("llvm.sqrt")
-
-
-@intrinsic
-def multiply_add(typing_context, a, b, c):
-    """Return a b + c, rounded once where the processor can; b and c alike, a a number or alike.
-
-    For a sum of two products, where the compiler is else free to choose which of them is rounded.
-    """
-
-    def generate(context, builder, signature, arguments):
-        first, second, third = arguments
-        if isinstance(b, Vector) and not isinstance(a, Vector):
-            first = spread(builder, context.cast(builder, first, a, types.float32), b.n_lanes)
-        return call_llvm(builder, "llvm.fmuladd", second.type, first, second, third)
-
-    return b(a, b, c), generate
+# The larger, or the smaller, of a value and a bound; a value that is not a number stays so.
+at_least = _elementwise(2, lambda builder, x, bound: builder.select(builder.fcmp_ordered("<", x, bound), bound, x))
+at_most = _elementwise(2, lambda builder, x, bound: builder.select(builder.fcmp_ordered(">", x, bound), bound, x))
+round_down = _elementwise(1, lambda builder, x: call_llvm(builder, "llvm.floor", x.type, x))
+square_root = _elementwise(1, lambda builder, x: call_llvm(builder, "llvm.sqrt", x.type, x))
+# a b + c, rounded once where the processor can: for a sum of two products, where the compiler is else free to choose.
+multiply_add = _elementwise(3, lambda builder, a, b, c: call_llvm(builder, "llvm.fmuladd", b.type, a, b, c))
 
 
 def _integers(kind: ir.Type) -> tuple[ir.Type, Any]:
     """Return the int32 type that matches a float type, and how to make constants of it."""
     whole = ir.VectorType(ir.IntType(32), kind.count) if isinstance(kind, ir.VectorType) else ir.IntType(32)
-    return whole, lambda value: constant(whole, value)
+    return whole, lambda value: ir.Constant(whole, [value] * kind.count if isinstance(kind, ir.VectorType) else value)
 
 
-@intrinsic
-def two_to_the(typing_context, exponent):
-    """Return 2^exponent for whole exponents from -126 to 127, by writing the exponent's bits."""
-
-    def generate(context, builder, signature, arguments):
-        whole, number = _integers(arguments[0].type)
-        biased = builder.add(builder.fptosi(arguments[0], whole), number(127))
-        return builder.bitcast(builder.shl(biased, number(23)), arguments[0].type)
-
-    return exponent(exponent), generate
+def _emit_power_of_two(builder: ir.IRBuilder, exponent: ir.Value) -> ir.Value:
+    """Emit 2^exponent for whole exponents from -126 to 127, by writing the exponent's bits."""
+    whole, number = _integers(exponent.type)
+    biased = builder.add(builder.fptosi(exponent, whole), number(127))
+    return builder.bitcast(builder.shl(biased, number(23)), exponent.type)
 
 
 _HALF_ROOT = 0x3F3504F3  # bits of sqrt(1/2): mantissas are taken from [sqrt(1/2), sqrt(2))
 
 
-@intrinsic
-def exponent_of(typing_context, value):
-    """Return the whole number e of value = m 2^e, m in [sqrt(1/2), sqrt(2)), value positive and normal."""
+def _emit_exponent(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
+    """Emit the whole number e of value = m 2^e, m in [sqrt(1/2), sqrt(2)), value positive and normal."""
+    whole, number = _integers(value.type)
+    bits = builder.sub(builder.bitcast(value, whole), number(_HALF_ROOT))
+    return builder.sitofp(builder.ashr(bits, number(23)), value.type)
 
-    def generate(context, builder, signature, arguments):
-        whole, number = _integers(arguments[0].type)
-        bits = builder.sub(builder.bitcast(arguments[0], whole), number(_HALF_ROOT))
-        return builder.sitofp(builder.ashr(bits, number(23)), arguments[0].type)
 
-    return value(value), generate
+two_to_the = _elementwise(1, _emit_power_of_two)
+exponent_of = _elementwise(1, _emit_exponent)
 
 
 @intrinsic

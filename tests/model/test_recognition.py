@@ -57,7 +57,7 @@ def test_no_step_of_a_descent_raises_the_error(tiny_memory):
     starts = np.random.default_rng(2).uniform(-1, 1, (6, 2))
     generator = tiny_memory.generator
 
-    errors = [descend(generator, starts, target, n).error for n in range(8)]
+    errors = [descend(generator, starts, target, n)[1] for n in range(8)]
 
     assert (np.diff(errors, axis=0) <= 0).all()
     assert (errors[-1] < 0.5 * errors[0]).any()
