@@ -108,9 +108,10 @@ def test_a_left_over_checkpoint_is_not_overwritten(trained, conf_file, capsys):
     assert "is left from an earlier run; go on from it with --resume" in capsys.readouterr().err
 
 
-def test_ctrl_c_keeps_a_checkpoint(tmp_path):
-    command = [sys.executable, "-m", "creative_nao", "agent", "train", "ppo", "--out", str(tmp_path / "out")]
-    process = subprocess.Popen([*command, "--checkpoint-interval", "480"], stderr=subprocess.PIPE, text=True)
+def test_ctrl_c_keeps_a_checkpoint(conf_file, tmp_path):
+    words = ["--conf-file", conf_file, "--memory", "half/0", "--timesteps", "1000000", "--checkpoint-interval", "480"]
+    command = [sys.executable, "-m", "creative_nao", "agent", "train", "ppo", *words, "--out", str(tmp_path / "out")]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     checkpoint = tmp_path / "out" / "checkpoint.safetensors"
     deadline = time.monotonic() + 120
     while not checkpoint.exists() and time.monotonic() < deadline:

@@ -145,13 +145,16 @@ def test_memories_lists_what_ships(capsys):
     assert rows["half/0"]["worst_reproduction_dtw"] < 10.0
 
 
-def test_the_shipped_scores_are_those_of_the_shipped_memories():
-    """One memory of each condition is scored again, whole map and all; the scores of each are there."""
+NIGHTLY = pytest.mark.slow
+
+
+@pytest.mark.parametrize("name", [*(pytest.param(name, marks=NIGHTLY) for name in ("open/15", "closed/0")), "half/7"])
+def test_the_shipped_scores_are_those_of_the_shipped_memories(name):
+    """A memory of each condition is scored again, whole map and all; the scores of each are there."""
     shipped = shipped_scores()
 
     assert list(shipped) == list(shipped_memories())
-    for name in ("open/15", "half/7", "closed/0"):
-        assert score_memory(name) == pytest.approx(shipped[name], rel=1e-9)
+    assert score_memory(name) == pytest.approx(shipped[name], rel=1e-9)
 
 
 def test_train_writes_a_memory_that_says_how_it_was_made(capsys, tmp_path):
@@ -167,11 +170,14 @@ def test_train_writes_a_memory_that_says_how_it_was_made(capsys, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["m.safetensors"]
 
 
-@pytest.mark.parametrize("kill", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "kill", [signal.SIGINT, *(pytest.param(kill, marks=NIGHTLY) for kill in (signal.SIGTERM, signal.SIGKILL))]
+)
 def test_a_killed_training_goes_on_with_the_same_bits(kill, tmp_path):
     """Ctrl-C leaves a checkpoint and exit code 130; kill -9 loses what came after the last one."""
-    command = [sys.executable, "-m", "creative_nao", "train", "--n-epochs", "1500", "--checkpoint-interval", "200"]
-    command += ["--network.layer-sizes", "8", "4", "--network.time-constants", "2", "5"]
+    words = ["train", "--n-epochs", "1500", "--checkpoint-interval", "200"]
+    words += ["--network.layer-sizes", "8", "4", "--network.time-constants", "2", "5"]
+    command = [sys.executable, "-m", "creative_nao", *words]
     out, checkpoint = tmp_path / "m", tmp_path / "m.checkpoint"
     run = subprocess.Popen([*command, "--out", str(out)], stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     deadline = time.monotonic() + 120
@@ -182,8 +188,8 @@ def test_a_killed_training_goes_on_with_the_same_bits(kill, tmp_path):
 
     assert code == (-signal.SIGKILL if kill == signal.SIGKILL else 130)
     assert not out.exists()
-    subprocess.run([*command, "--out", str(out), "--resume"], check=True, capture_output=True)
-    subprocess.run([*command, "--out", str(tmp_path / "whole")], check=True, capture_output=True)
+    assert main([*words, "--out", str(out), "--resume"]) == 0
+    assert main([*words, "--out", str(tmp_path / "whole")]) == 0
     resumed, whole = load_memory(out), load_memory(tmp_path / "whole")
     assert all(np.array_equal(resumed.parameters[name], whole.parameters[name]) for name in whole.parameters)
     assert np.array_equal(resumed.loss_history, whole.loss_history)

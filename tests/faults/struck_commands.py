@@ -22,11 +22,12 @@ from pathlib import Path
 from creative_nao.cli import dispatch
 from creative_nao.explorer.state import Favourite, Session
 
-def keep(name, words):
-    session = Session(Path(words[0]))
+def keep(words):
+    _, path, memory, *pb = words
+    session = Session(Path(path))
     for place in range(8):
-        wanted = Favourite(words[1], ((place / 8, float(words[2]) if len(words) > 2 else 0.0),))
-        if wanted not in session.favourites(words[1]):
+        wanted = Favourite(memory, ((place / 8, float(pb[0]) if pb else 0.0),))
+        if wanted not in session.favourites(memory):
             session.add(wanted)
     return 0
 

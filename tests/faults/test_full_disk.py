@@ -34,7 +34,9 @@ WRITERS = {
 KEPT = {"map": "out.npz", "export": "out.csv", "teach": "left_jab.csv", "train": "out.safetensors"}
 
 
-@pytest.mark.parametrize("command", WRITERS)
+@pytest.mark.parametrize(
+    "command", ["train", *(pytest.param(name, marks=pytest.mark.slow) for name in ("map", "export", "teach"))]
+)
 def test_a_full_disk_is_one_line_and_leaves_the_old_file(command, tmp_path):
     kept = tmp_path / KEPT[command]
     kept.write_text("what stood there before", encoding="utf-8")
@@ -47,7 +49,7 @@ def test_a_full_disk_is_one_line_and_leaves_the_old_file(command, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == [kept.name]
 
 
-@pytest.mark.parametrize("command", ["map", "export"])
+@pytest.mark.parametrize("command", ["export", pytest.param("map", marks=pytest.mark.slow)])
 def test_a_place_where_nothing_can_be_written_is_one_line(command, tmp_path):
     words = [*WRITERS[command][:-1], f"/proc/{KEPT[command]}"]  # no one, not even root, makes a file there
     code, complaint = finish(words, tmp_path)
@@ -57,6 +59,7 @@ def test_a_place_where_nothing_can_be_written_is_one_line(command, tmp_path):
     assert "/proc/" in complaint
 
 
+@pytest.mark.slow
 def test_two_runs_on_one_folder_leave_whole_files_of_equal_content(tmp_path):
     both = [creative_nao(WRITERS["teach"], tmp_path) for _ in range(2)]
     assert [process.communicate(timeout=240) and process.returncode for process in both] == [0, 0]
