@@ -34,8 +34,7 @@ from creative_nao.agents.registry import (
     load_entry_point,
     make_agent,
 )
-from creative_nao.agents.settings import PPOSettings
-from creative_nao.agents.training import TrainingCurve, train_ppo
+from creative_nao.agents.training import PPOSettings, TrainingCurve, train_ppo
 
 load_agent = load_bundle
 

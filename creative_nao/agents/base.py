@@ -20,18 +20,11 @@ from gymnasium.spaces import Box
 
 from creative_nao.errors import CreativeNaoError, MissingDependencyError, SettingsError, ShapeError, shown
 
+T = TypeVar("T")
+
 
 class AgentOrderError(CreativeNaoError, RuntimeError):
     """`begin`, `ask` and `tell` were called out of order, or beyond the budget."""
-
-
-class LearnedMemory(Protocol):
-    """What an agent may know of the robot's memory beforehand."""
-
-    @property
-    def pb(self) -> np.ndarray:
-        """Learned PB values, shape (n_actions, 2), in (-1, 1)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -43,24 +36,19 @@ class Context:
         observation_space: What `ask` receives.
         n_actions: The budget: how many actions may be generated.
         rng: Its only source of randomness.
-        memory: The memory explored, for agents that legitimately know its learned PB vectors; None for the others.
+        memory: The memory explored, for agents that legitimately know its learned PB vectors (`pb`, shape
+            (n_actions, 2), in (-1, 1)); None for the others.
     """
 
     action_space: Box
     observation_space: Box
     n_actions: int
     rng: np.random.Generator
-    memory: LearnedMemory | None = None
+    memory: Any = None
 
 
 class Agent(ABC):
-    """Chooses PB vectors. A subclass defines `choose`, and where it keeps something, `start` and `learn`.
-
-    Example:
-        >>> agent.begin(context)                                    # doctest: +SKIP
-        >>> pb = agent.ask(observation)                             # doctest: +SKIP
-        >>> agent.tell(pb, observation, reward=0.7, info=info)      # doctest: +SKIP
-    """
+    """Chooses PB vectors. A subclass defines `choose`, and where it keeps something, `start` and `learn`."""
 
     name: ClassVar[str]
     learns_within_episode: ClassVar[bool] = False
@@ -76,21 +64,13 @@ class Agent(ABC):
 
     @property
     def context(self) -> Context:
-        """The context of the running episode.
-
-        Raises:
-            AgentOrderError: If no episode has begun.
-        """
+        """The context of the running episode; `AgentOrderError` if none has begun."""
         if self._context is None:
             raise AgentOrderError(f"agent `{self.name}`: no episode has begun; call `begin(context)` first")
         return self._context
 
     def begin(self, context: Context) -> None:
-        """Start an episode; whatever the agent kept of the one before is gone, save what it learned in training.
-
-        Raises:
-            SettingsError: If it is no context.
-        """
+        """Start an episode; whatever the agent kept of the one before is gone, save what it learned in training."""
         self._context, self._n_asked, self._waits_for_tell = check_kind(context, Context, "context"), 0, False
         self.start(context)
 
@@ -290,56 +270,26 @@ class PolicyAgent(Agent):
         return action
 
 
-T = TypeVar("T")
-
-
 def check_kind(value: Any, kind: type[T], name: str) -> T:
-    """Return an argument that has to be of a class.
-
-    Raises:
-        SettingsError: Naming the argument.
-    """
+    """Return an argument that has to be of a class; else a `SettingsError` names it."""
     if not isinstance(value, kind):
         raise SettingsError(f"`{name}` should be of the class {kind.__name__}, but is {shown(value)}")
     return value
 
 
 def settings_or_default(settings: T | None, kind: type[T]) -> T:
-    """Return the settings of an agent, or the default ones.
-
-    Raises:
-        SettingsError: If they are those of another agent.
-    """
+    """Return the settings of an agent, or the default ones; those of another agent are a `SettingsError`."""
     return kind() if settings is None else check_kind(settings, kind, "settings")
 
 
 def require_extra(*, package: str, extra: str, agent: str) -> None:
-    """Refuse an agent whose optional package is not installed, without importing it.
-
-    Args:
-        package: What to look for, by the name under which it is imported.
-        extra: The extra of creative-nao that brings it.
-        agent: Which agent needs it.
-
-    Raises:
-        MissingDependencyError: Naming package and extra.
-    """
+    """Raise a `MissingDependencyError` where a package is not installed, without importing it; names its extra."""
     if importlib.util.find_spec(package) is None:
         raise _missing(package, extra, agent, "it is not installed")
 
 
 def load_extra(module: str, *, package: str, extra: str, agent: str) -> ModuleType:
-    """Import a module of an optional package.
-
-    Args:
-        module: What to import.
-        package: The package that holds it.
-        extra: The extra of creative-nao that brings it.
-        agent: Which agent needs it.
-
-    Raises:
-        MissingDependencyError: Naming package and extra.
-    """
+    """Import a module of an optional package, or raise a `MissingDependencyError` that names package and extra."""
     try:
         return importlib.import_module(module)
     except ImportError as error:

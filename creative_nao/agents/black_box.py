@@ -92,11 +92,7 @@ class SupervisedAgent(Agent):
 
 @record
 class ReplaySettings:
-    """How far replay strays.
-
-    Raises:
-        SettingsError: If a value is out of range; the message names the field.
-    """
+    """How far replay strays."""
 
     spread: Positive = 0.1
     """Standard deviation of the steps away from a learned PB vector, in each PB unit; the square is 2 wide."""
@@ -137,11 +133,7 @@ class ReplayAgent(MovementAgent):
 
 @record
 class CmaEsSettings:
-    """How CMA-ES searches.
-
-    Raises:
-        SettingsError: If a value is out of range; the message names the field.
-    """
+    """How CMA-ES searches."""
 
     population_size: Annotated[int, Field(ge=4)] = 10
     """Movements between two updates of the distribution; of fewer than 4 no two are parents."""
@@ -154,9 +146,6 @@ class CmaEsAgent(BatchSearch):
 
     What an action earns falls when something like it has joined the repertoire, so the optimum moves away from where
     the search has been: CMA-ES follows it.
-
-    Raises:
-        MissingDependencyError: If `cmaes` is not installed.
     """
 
     name: ClassVar[str] = "cma_es"
@@ -188,11 +177,7 @@ class CmaEsAgent(BatchSearch):
 
 @record
 class BayesianSettings:
-    """How Bayesian optimisation searches.
-
-    Raises:
-        SettingsError: If a value is out of range; the message names the field.
-    """
+    """How Bayesian optimisation searches."""
 
     n_startup: Count = 15
     """Movements drawn uniformly before the Gaussian process decides."""
@@ -203,9 +188,6 @@ class BayesianAgent(MovementAgent):
 
     It models what a single action earned when it was tried. A movement earns less once something like it has joined the
     repertoire, which the model takes for noise.
-
-    Raises:
-        MissingDependencyError: If Optuna is not installed.
     """
 
     name: ClassVar[str] = "bayesian"
@@ -254,11 +236,7 @@ class BayesianAgent(MovementAgent):
 
 @record
 class OracleSettings:
-    """How much the oracle computes beforehand.
-
-    Raises:
-        SettingsError: If a value is out of range; the message names the field.
-    """
+    """How much the oracle computes beforehand."""
 
     resolution: Annotated[int, Field(ge=2)] = PAPER_RESOLUTION
     """Points along each axis of the map; 200 are 40,000 generated movements that no other agent is granted."""

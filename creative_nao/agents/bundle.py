@@ -16,10 +16,10 @@ import numpy as np
 from gymnasium.spaces import Box
 from pydantic import BeforeValidator
 
-from creative_nao.agents.algorithms import find_algorithm, nets_of
 from creative_nao.agents.base import check_kind
 from creative_nao.agents.play import Score, evaluate_policy
-from creative_nao.agents.settings import Hyperparameters, PPOSettings, check_entry, resolve_policy_kwargs
+from creative_nao.agents.settings import Hyperparameters, check_entry, find_algorithm, nets_of
+from creative_nao.agents.training import PPOSettings
 from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.errors import (
     CreativeNaoError,
@@ -38,15 +38,12 @@ if TYPE_CHECKING:
 
 PRETRAINED = Path(__file__).parent / "pretrained"
 KIND = "agent bundle"
-FORMAT_VERSION = 1
 MAX_VALUES = 10_000
 """Of an observation or an action."""
 MAX_WEIGHT, MAX_LOG_STD = 1e6, 20.0
 """Largest weight, and logarithm of a standard deviation: exp(20) still is a number of float32, its square too."""
-_Side = Annotated[
-    tuple[Annotated[float, Field(ge=-1e30, le=1e30)], ...],  # float32 ends at 3e38
-    Field(max_length=MAX_VALUES),
-]
+_Bound = Annotated[float, Field(ge=-1e30, le=1e30)]  # float32 ends at 3e38
+_Side = Annotated[tuple[_Bound, ...], Field(max_length=MAX_VALUES)]
 
 
 def shipped_agents() -> tuple[str, ...]:
@@ -55,15 +52,7 @@ def shipped_agents() -> tuple[str, ...]:
 
 
 def find_bundle(name: str | os.PathLike[str]) -> Path:
-    """Return the path of a bundle.
-
-    Args:
-        name: A shipped name such as ``ppo/BoxingMental-v0``, or the path of a file.
-
-    Raises:
-        NotFoundError: If there is neither; the message offers the nearest name.
-        SettingsError: If it is neither text nor a path.
-    """
+    """Return the path of a bundle, given by a shipped name or its path; a `NotFoundError` offers the nearest name."""
     if not isinstance(name, str | os.PathLike):
         raise SettingsError(f"a bundle should be a shipped name or a path, but is {shown(name)}")
     text = os.fspath(name)
@@ -156,7 +145,7 @@ class BundleHeader:
         """Return the untrained policy network that it describes."""
         chosen = self.hyperparameters
         return find_algorithm(chosen.algorithm).policy_class(chosen.policy)(
-            self.observation_space, self.action_space, lambda _: 0.0, **resolve_policy_kwargs(chosen.policy_kwargs)
+            self.observation_space, self.action_space, lambda _: 0.0, **chosen.sb3_policy_kwargs()
         )
 
 
@@ -187,7 +176,7 @@ class TrainedPolicy:
 def save_bundle(path: str | Path, header: BundleHeader, policy: BasePolicy) -> Path:
     """Write a policy and its header to `path` in one step and return the path."""
     settings = check_kind(header, BundleHeader, "header").settings
-    described: dict[str, Any] = {"format_version": FORMAT_VERSION, "agent": header.agent}
+    described: dict[str, Any] = {"format_version": 1, "agent": header.agent}
     if isinstance(settings, PPOSettings):
         described |= {"settings": dataclasses.asdict(settings)}
     else:
@@ -286,11 +275,7 @@ def _check_sizes(path: Path, header: BundleHeader, arrays: dict[str, np.ndarray]
 
 
 def replay(trained: TrainedPolicy, progress: Callable[[int], None] | None = None) -> Score:
-    """Return the score that the bundle reaches now; it equals `trained.header.score` on the machine that recorded it.
-
-    Raises:
-        SettingsError: If the bundle records no score.
-    """
+    """Return the score of the bundle now; it equals `trained.header.score` on the machine that recorded it."""
     recorded = trained.header.score
     if recorded is None:
         raise SettingsError("this bundle records no score to replay; agents trained with `creative-nao agent train` do")

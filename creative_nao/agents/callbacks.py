@@ -29,6 +29,7 @@ from creative_nao.agents.resume import (
     restore_random,
     save_checkpoint,
 )
+from creative_nao.agents.settings import find_algorithm
 from creative_nao.errors import FileFormatError
 
 
@@ -62,12 +63,9 @@ class TrainingCallback(EpisodeRecorder):
     Args:
         record: Of the training so far.
         state: State to go on from, or None.
-        plan: The plan as plain values, for the checkpoint.
-        on_policy: Whether the algorithm learns from whole rollouts: a stop within one goes back to its beginning.
+        plan: The `TrainingPlan`.
         evaluate: Returns the rewards of an evaluation of the present weights.
-        evaluation_interval: Decisions from one evaluation to the next.
         checkpoint: File of the checkpoint, or None.
-        checkpoint_interval: Decisions from one checkpoint to the next.
         progress: Called at each rollout with the record and the decisions made.
         stop: When set, training ends with a checkpoint.
     """
@@ -76,21 +74,18 @@ class TrainingCallback(EpisodeRecorder):
         self,
         record: TrainingRecord,
         state: TrainingState | None,
-        *,
-        plan: dict[str, Any],
-        on_policy: bool,
+        plan: Any,
         evaluate: Callable[[], tuple[float, ...]],
-        evaluation_interval: int,
+        *,
         checkpoint: Path | None,
-        checkpoint_interval: int,
         progress: Callable[[TrainingRecord, int], None] | None,
         stop: threading.Event,
     ) -> None:
         super().__init__(record)
-        self._plan, self._on_policy, self._evaluate = plan, on_policy, evaluate
-        self._evaluation_interval, self._checkpoint_interval = evaluation_interval, checkpoint_interval
+        self._state, self._plan, self._evaluate = state, plan, evaluate
         self._checkpoint, self._progress, self._stop = checkpoint, progress, stop
-        self._state = state
+        # An algorithm that learns from whole rollouts is stopped within one by going back to its beginning.
+        self._on_policy = find_algorithm(plan.hyperparameters.algorithm).on_policy
         self._logs: Path | None = None
         self._just_restored = state is not None
         self._rollout_start: TrainingState | None = None
@@ -139,7 +134,7 @@ class TrainingCallback(EpisodeRecorder):
         n_done = self.model.num_timesteps
         if self._progress is not None:
             self._progress(self.record, n_done)
-        due = n_done // self._checkpoint_interval > max(self._n_saved, 0) // self._checkpoint_interval
+        due = n_done // self._plan.checkpoint_interval > max(self._n_saved, 0) // self._plan.checkpoint_interval
         if self._checkpoint is not None and (self._on_policy or due):
             self._rollout_start = capture(self.model)
             if due:
@@ -160,10 +155,10 @@ class TrainingCallback(EpisodeRecorder):
 
     def _save(self, state: TrainingState | None) -> None:
         if self._checkpoint is not None and state is not None:
-            save_checkpoint(self._checkpoint, self._plan, self.record, state)
+            save_checkpoint(self._checkpoint, self._plan.as_json(), self.record, state)
 
     def _evaluate_if_due(self, last: bool = False) -> None:
-        n_done, interval = self.model.num_timesteps, self._evaluation_interval
+        n_done, interval = self.model.num_timesteps, self._plan.evaluation_interval
         ends = self.record.evaluation_ends
         if ends and (ends[-1] == n_done or (not last and n_done // interval <= ends[-1] // interval)):
             return
@@ -201,11 +196,7 @@ class ProgressTable(KVWriter):
 
 
 def read_log(path: Path) -> list[dict[str, Any]]:
-    """Return the rows of a log.
-
-    Raises:
-        FileFormatError: If it is no log of a training.
-    """
+    """Return the rows of a log; a `FileFormatError` if it is none."""
     text = storage.read_text(path, "log of a training")
     try:
         rows = [dict(row) for row in csv.DictReader(io.StringIO(text, newline=""))]

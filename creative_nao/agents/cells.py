@@ -84,11 +84,7 @@ class CellDistribution(Distribution):
 
 
 def refuse_sde(use_sde: bool, policy: str) -> None:
-    """Refuse Stable-Baselines3's state-dependent exploration: cells are drawn, no noise is added.
-
-    Raises:
-        SettingsError: If it is asked for.
-    """
+    """Refuse Stable-Baselines3's state-dependent exploration: cells are drawn, no noise is added."""
     if use_sde:
         raise SettingsError(f"`use_sde` should be false with {policy}: it draws cells and adds no noise")
 
@@ -168,13 +164,7 @@ class CellWeights(nn.Module):
 
 
 class CellNetwork(nn.Module):
-    """Scores the cells for the policy, and computes features of the value from the maps as a whole.
-
-    Args:
-        features: Turns observations into maps.
-        width: Channels of a hidden layer.
-        n_layers: Hidden convolutions.
-    """
+    """Scores the cells for the policy, and computes features of the value from the maps as a whole."""
 
     def __init__(self, features: CellFeatures, width: int, n_layers: int) -> None:
         super().__init__()
@@ -217,14 +207,9 @@ class CellPolicy(ActorCriticPolicy):
     """
 
     def __init__(
-        self,
-        observation_space: Box,
-        action_space: Box,
-        lr_schedule: Any,
-        width: int = 16,
-        n_layers: int = 2,
+        self, observation_space: Box, action_space: Box, lr_schedule: Any, width: int = 16, n_layers: int = 2,
         use_sde: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         refuse_sde(use_sde, "CellPolicy")
         self.width, self.n_layers = width, n_layers
         super().__init__(observation_space, action_space, lr_schedule, ortho_init=False)
@@ -248,14 +233,7 @@ _CARRIED = "cell_probabilities"
 
 
 class CellActor(BasePolicy):
-    """Draws points of the PB space.
-
-    Args:
-        observation_space: Space of this project's observations.
-        action_space: Box(-1, 1, (n_pb,)).
-        width: Channels of a hidden layer.
-        n_layers: Hidden convolutions.
-    """
+    """Draws points of the PB space; arguments as of `CellSACPolicy`."""
 
     def __init__(self, observation_space: Box, action_space: Box, width: int, n_layers: int) -> None:
         super().__init__(observation_space, action_space, squash_output=True)
@@ -281,15 +259,7 @@ class CellActor(BasePolicy):
 
 
 class CellCritic(BaseModel):
-    """Values every cell, with several networks.
-
-    Args:
-        observation_space: Space of this project's observations.
-        action_space: Box(-1, 1, (n_pb,)).
-        width: Channels of a hidden layer.
-        n_layers: Hidden convolutions.
-        n_critics: Networks.
-    """
+    """Values every cell, with several networks; arguments as of `CellSACPolicy`."""
 
     def __init__(self, observation_space: Box, action_space: Box, width: int, n_layers: int, n_critics: int) -> None:
         super().__init__(observation_space, action_space)
@@ -310,29 +280,13 @@ class CellCritic(BaseModel):
 class CellSACPolicy(SACPolicy):
     """Actor and critics of SAC over the cells of the PB space; name it as `policy` in a file of hyperparameters.
 
-    Args:
-        observation_space: Space of this project's observations.
-        action_space: Box(-1, 1, (n_pb,)).
-        lr_schedule: Learning rate by what is left of the training.
-        width: Channels of a hidden layer.
-        n_layers: Hidden convolutions, each over a neighbourhood of three cells a side.
-        n_critics: Networks that value cells; the lowest counts.
-        use_sde: Has to be False: cells are drawn, no noise is added.
-
-    Raises:
-        SettingsError: If the observations hold no cells of the PB space, or a setting is out of range.
+    Arguments and errors are those of `CellPolicy`; of `n_critics` networks that value cells the lowest counts.
     """
 
     def __init__(
-        self,
-        observation_space: Box,
-        action_space: Box,
-        lr_schedule: Any,
-        width: int = 16,
-        n_layers: int = 2,
-        n_critics: int = 2,
-        use_sde: bool = False,
-    ) -> None:
+        self, observation_space: Box, action_space: Box, lr_schedule: Any, width: int = 16, n_layers: int = 2,
+        n_critics: int = 2, use_sde: bool = False,
+    ) -> None:  # fmt: skip
         refuse_sde(use_sde, "CellSACPolicy")
         self.width, self.n_layers = width, n_layers
         super().__init__(observation_space, action_space, lr_schedule, n_critics=n_critics)

@@ -206,21 +206,13 @@ def evaluate_policy(
 
 
 def make_env(env_id: str, **arguments: Any) -> gym.Env:
-    """Make an environment by name.
-
-    Raises:
-        NotFoundError: If there is none of this name; the message offers the nearest.
-    """
+    """Make an environment by name; see `check_env`."""
     check_env(env_id)
     return gym.make(env_id, **arguments)
 
 
 def check_env(env_id: str) -> EnvSpec:
-    """Return the entry of an environment's name.
-
-    Raises:
-        NotFoundError: If there is none of this name; the message offers the nearest.
-    """
+    """Return the entry of an environment's name; a `NotFoundError` offers the nearest."""
     try:
         return gym.spec(checked(str, env_id, "env_id"))
     except (gym.error.Error, ImportError) as error:

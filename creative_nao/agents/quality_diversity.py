@@ -66,11 +66,7 @@ def mean_postures(info: Mapping[str, Any], n_stretches: int) -> np.ndarray:
 
 
 def _scored_trajectory(info: Mapping[str, Any]) -> np.ndarray:
-    """Return the movement in `info`, shape (n_steps, n_joints) [rad].
-
-    Raises:
-        SettingsError: If a term is missing; the message names it.
-    """
+    """Return the movement in `info`, shape (n_steps, n_joints) [rad]."""
     for term in ("trajectory", "appropriate"):
         if term not in info:
             raise SettingsError(
@@ -88,13 +84,10 @@ class ArmArchiveSearch(BatchSearch):
 
     Args:
         settings: With the `n_cells` and `largest_excursion` of the archive.
-
-    Raises:
-        MissingDependencyError: If pyribs is not installed.
     """
 
     def __init__(self, settings: Any):
-        _require_ribs(self.name)
+        require_extra(package="ribs", extra="search", agent=self.name)
         self.settings = settings
 
     def prepare(self, context: Context, seed: int) -> None:
@@ -134,10 +127,6 @@ class ArmArchiveSearch(BatchSearch):
         """Return the emitter of `ribs.emitters` that fills `archive`."""
 
 
-def _require_ribs(agent: str) -> None:
-    require_extra(package="ribs", extra="search", agent=agent)
-
-
 def _load_ribs(agent: str) -> list[ModuleType]:
     parts = ("archives", "emitters", "schedulers")
     return [load_extra(f"ribs.{part}", package="ribs", extra="search", agent=agent) for part in parts]
@@ -150,11 +139,7 @@ def _bounds(context: Context) -> list[tuple[float, float]]:
 
 @record
 class CmaMeSettings:
-    """How CMA-ME searches.
-
-    Raises:
-        SettingsError: If a value is out of range; the message names the field.
-    """
+    """How CMA-ME searches."""
 
     batch_size: Annotated[int, Field(ge=2)] = 10
     """Movements between two updates of distribution and archive."""
@@ -171,9 +156,6 @@ class CmaMeAgent(ArmArchiveSearch):
 
     A movement ranks first if it fills an empty cell, then by how much it improves one. Movements are sorted by how far
     each arm moves (`arm_excursions`).
-
-    Raises:
-        MissingDependencyError: If pyribs is not installed.
     """
 
     name: ClassVar[str] = "cma_me"
@@ -197,11 +179,7 @@ class CmaMeAgent(ArmArchiveSearch):
 
 @record
 class MapElitesSettings:
-    """How MAP-Elites searches.
-
-    Raises:
-        SettingsError: If a value is out of range; the message names the field.
-    """
+    """How MAP-Elites searches."""
 
     n_initial: Count = 15
     """Movements drawn uniformly before the first variation."""
@@ -219,9 +197,6 @@ class MapElitesAgent(ArmArchiveSearch):
     """MAP-Elites (Mouret and Clune 2015, arXiv:1504.04909) by pyribs' `GridArchive` and `GaussianEmitter`.
 
     Movements are sorted by how far each arm moves (`arm_excursions`).
-
-    Raises:
-        MissingDependencyError: If pyribs is not installed.
     """
 
     name: ClassVar[str] = "map_elites"
@@ -244,11 +219,7 @@ class MapElitesAgent(ArmArchiveSearch):
 
 @record
 class NoveltySearchSettings:
-    """How novelty search searches.
-
-    Raises:
-        SettingsError: If a value is out of range; the message names the field.
-    """
+    """How novelty search searches."""
 
     n_initial: Count = 5
     """Movements drawn uniformly before the first update."""
@@ -270,15 +241,12 @@ class NoveltySearchAgent(BatchSearch):
     Movements are compared by their mean posture in a few stretches of time (`mean_postures`). The reward
     plays no part; that a movement is inappropriate does: it counts as none (a minimal criterion, as Lehman and
     Stanley proposed in 2010).
-
-    Raises:
-        MissingDependencyError: If pyribs is not installed.
     """
 
     name: ClassVar[str] = "novelty_search"
 
     def __init__(self, settings: NoveltySearchSettings | None = None):
-        _require_ribs(self.name)
+        require_extra(package="ribs", extra="search", agent=self.name)
         self.settings = settings_or_default(settings, NoveltySearchSettings)
 
     def prepare(self, context: Context, seed: int) -> None:

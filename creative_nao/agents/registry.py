@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from creative_nao.agents.algorithms import ALGORITHMS
 from creative_nao.agents.base import Agent, Context, PolicyAgent
 from creative_nao.agents.black_box import (
     BayesianAgent,
@@ -22,17 +21,30 @@ from creative_nao.agents.black_box import (
     SobolAgent,
     SupervisedAgent,
 )
-from creative_nao.agents.bundle import TrainedPolicy, find_bundle, load_bundle, shipped_agents
+from creative_nao.agents.bundle import find_bundle, load_bundle, shipped_agents
 from creative_nao.agents.quality_diversity import CmaMeAgent, MapElitesAgent, NoveltySearchAgent
+from creative_nao.agents.settings import ALGORITHMS
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name, shown
 from creative_nao.schema import checked
+
+UNTRAINED: dict[str, Callable[[], Agent]] = {
+    agent.name: agent
+    for agent in (
+        SupervisedAgent, ReplayAgent, RandomAgent, SobolAgent, CmaEsAgent, CmaMeAgent, MapElitesAgent,
+        NoveltySearchAgent, BayesianAgent, OracleAgent,
+    )
+}  # fmt: skip
+"""Agents that need no training."""
+TRAINED = tuple(ALGORITHMS)
+"""Agents that are trained first and come out of a bundle."""
+NAMES: tuple[str, ...] = (*UNTRAINED, *TRAINED)
 
 
 class FunctionAgent(Agent):
     """Plays a plain function as an agent.
 
     Args:
-        function: Takes the observation and returns a PB vector, shape (n_pb,), inside the action space. It is told
+        function: Takes the observation and returns a PB vector, shape (n_pb,), inside the action space. It receives
             nothing else; what it draws at random it has to seed itself.
         name: Under which results list it.
 
@@ -43,27 +55,25 @@ class FunctionAgent(Agent):
     name: ClassVar[str] = "function"
 
     def __init__(self, function: Callable[[np.ndarray], Any], *, name: str | None = None):
-        if not callable(function):
-            raise SettingsError(f"`function` should be callable, but is {shown(function)}")
-        self.function = function
+        self.function = _check_callable(function, "function")
         if name is not None:
             self.name = name  # pyright: ignore[reportAttributeAccessIssue]
 
     def choose(self, observation: np.ndarray) -> np.ndarray:
         """Return what the function says, shape (n_pb,)."""
-        return np.asarray(self.function(observation))
+        return self.function(observation)
 
 
 def as_agent(entered: Any, *, name: str | None = None) -> Agent:
     """Return anything that can choose PB vectors as an agent.
 
     Args:
-        entered: An `Agent`, anything with the `predict` of Stable-Baselines3, or a function from observations to PB
+        entered: An `Agent`, an object with the `predict` of Stable-Baselines3, or a function from observations to PB
             vectors.
-        name: Under which results list it; default: its own.
+        name: Under which results list it; None keeps its own.
 
     Raises:
-        SettingsError: If it is none of these.
+        SettingsError: If it is none of them.
     """
     if isinstance(entered, Agent):
         if name is not None:
@@ -90,23 +100,17 @@ class AgentPolicy:
 
     Raises:
         SettingsError: If the agent learns within an episode.
-
-    Example:
-        >>> policy = AgentPolicy(RandomAgent, lambda: context)      # doctest: +SKIP
-        >>> action, state = policy.predict(observation)             # doctest: +SKIP
     """
 
     def __init__(self, make_agent: Callable[[], Agent], make_context: Callable[[], Context]):
-        for argument, name in ((make_agent, "make_agent"), (make_context, "make_context")):
-            if not callable(argument):
-                raise SettingsError(f"`{name}` should be callable, but is {shown(argument)}")
+        self._make_agent = _check_callable(make_agent, "make_agent")
+        self._make_context = _check_callable(make_context, "make_context")
         agent = make_agent()
         if agent.learns_within_episode:
             raise SettingsError(
                 f"agent `{agent.name}` learns from rewards within an episode, which `predict` never receives; "
                 "use its `ask` and `tell`"
             )
-        self._make_agent, self._make_context = make_agent, make_context
         self._agents: list[Agent] = []
         self._left: list[int] = []
 
@@ -133,19 +137,22 @@ class AgentPolicy:
         if len(self._agents) != len(batch):
             self._agents, self._left = [self._make_agent() for _ in batch], [0] * len(batch)
         starts = np.broadcast_to(False if episode_start is None else episode_start, (len(batch),))
-        actions = np.stack([self._one(place, row, bool(starts[place])) for place, row in enumerate(batch)])
-        return (actions[0] if observation.ndim == 1 else actions), state
+        actions = []
+        for place, (agent, row) in enumerate(zip(self._agents, batch, strict=True)):
+            if starts[place] or self._left[place] == 0:
+                context = self._make_context()
+                agent.begin(context)
+                self._left[place] = context.n_actions
+            actions.append(agent.ask(row))
+            self._left[place] -= 1
+            agent.tell(actions[-1], row, float("nan"), {})
+        return (actions[0] if observation.ndim == 1 else np.stack(actions)), state
 
-    def _one(self, place: int, observation: np.ndarray, start: bool) -> np.ndarray:
-        agent = self._agents[place]
-        if start or self._left[place] == 0:
-            context = self._make_context()
-            agent.begin(context)
-            self._left[place] = context.n_actions
-        pb = agent.ask(observation)
-        self._left[place] -= 1
-        agent.tell(pb, observation, float("nan"), {})
-        return pb
+
+def _check_callable(value: Any, name: str) -> Any:
+    if not callable(value):
+        raise SettingsError(f"`{name}` should be callable, but is {shown(value)}")
+    return value
 
 
 def is_entry_point(name: str) -> bool:
@@ -170,51 +177,27 @@ def load_entry_point(name: str) -> Agent:
     """
     if not isinstance(name, str) or not is_entry_point(name):
         raise SettingsError(f"an agent of your own is named `package.module:factory`, but this is `{name}`")
-    module_name, _, path = name.partition(":")
-    found: Any = _module(module_name, name)
-    for part in path.split("."):
-        if not hasattr(found, part):
-            known = [word for word in dir(found) if not word.startswith("_")]
-            raise NotFoundError(f"agent `{name}`: `{module_name}` has no `{part}`{nearest_name(part, known)}")
-        found = getattr(found, part)
-    if not callable(found):
-        raise SettingsError(f"agent `{name}` should name a function that makes an agent, but is {found!r}")
-    return as_agent(found(), name=name)
-
-
-def _module(module: str, name: str) -> Any:
+    module, _, path = name.partition(":")
     here = os.getcwd()
     if here not in sys.path and "" not in sys.path:
         # An installed command does not search the directory it is called in, where a script of one's own lies.
         sys.path.append(here)
     try:
-        return importlib.import_module(module)
+        factory: Any = importlib.import_module(module)
     except ModuleNotFoundError as error:
         if error.name is not None and (module == error.name or module.startswith(f"{error.name}.")):
             raise NotFoundError(
                 f"agent `{name}`: there is no module `{module}`; it should be installed, or lie in {here}"
             ) from error
         raise
-
-
-UNTRAINED: dict[str, Callable[[], Agent]] = {
-    SupervisedAgent.name: SupervisedAgent,
-    ReplayAgent.name: ReplayAgent,
-    RandomAgent.name: RandomAgent,
-    SobolAgent.name: SobolAgent,
-    CmaEsAgent.name: CmaEsAgent,
-    CmaMeAgent.name: CmaMeAgent,
-    MapElitesAgent.name: MapElitesAgent,
-    NoveltySearchAgent.name: NoveltySearchAgent,
-    BayesianAgent.name: BayesianAgent,
-    OracleAgent.name: OracleAgent,
-}
-"""Agents that need no training."""
-
-TRAINED = tuple(ALGORITHMS)
-"""Agents that are trained first and come out of a bundle."""
-
-NAMES: tuple[str, ...] = (*UNTRAINED, *TRAINED)
+    for part in path.split("."):
+        if not hasattr(factory, part):
+            known = [word for word in dir(factory) if not word.startswith("_")]
+            raise NotFoundError(f"agent `{name}`: `{module}` has no `{part}`{nearest_name(part, known)}")
+        factory = getattr(factory, part)
+    if not callable(factory):
+        raise SettingsError(f"agent `{name}` should name a function that makes an agent, but is {factory!r}")
+    return as_agent(factory(), name=name)
 
 
 def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
@@ -230,25 +213,21 @@ def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
         SettingsError: If a trained agent lacks its bundle, or a factory makes no agent.
         FileFormatError: If the bundle is damaged.
     """
-    name = checked(str, name, "name")
-    if bundle is None and name not in NAMES:
+    known = checked(str, name, "name") in NAMES
+    if bundle is None and not known:
         if name in shipped_agents() or Path(name).is_file():
-            return _trained(load_bundle(name))
-        if ":" in name:
+            bundle = name
+        elif ":" in name:
             return load_entry_point(name)
-        if "/" in name:
+        elif "/" in name:
             find_bundle(name)
-    if name not in NAMES:
+    if not known and bundle != name:
         raise NotFoundError(f"no agent `{name}`{nearest_name(name, NAMES)}; there are: {', '.join(NAMES)}")
     if name in UNTRAINED:
         return UNTRAINED[name]()
     if bundle is None:
         raise SettingsError(f"agent `{name}` is trained first: `bundle` should be the path of its bundle, but is None")
     trained = load_bundle(bundle)
-    if trained.header.agent != name:
+    if known and trained.header.agent != name:
         raise SettingsError(f"`bundle` should hold a `{name}` agent, but {bundle} holds `{trained.header.agent}`")
-    return _trained(trained)
-
-
-def _trained(trained: TrainedPolicy) -> Agent:
     return PolicyAgent(trained, deterministic=trained.header.deterministic, name=trained.header.agent)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from creative_nao import schema
-from creative_nao.agents.algorithms import policy_name
+from creative_nao.agents.settings import RELEASED_NAMES
 from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.envs.state import EnvState
 from creative_nao.errors import FileFormatError, SettingsError, shown
@@ -34,23 +34,14 @@ _NOISE_MATRICES = ("exploration_mat", "exploration_matrices")
 
 @dataclass(frozen=True, eq=False)
 class TrainingState:
-    """The state of a training between two rollouts.
-
-    Attributes:
-        values: What JSON can hold.
-        arrays: The rest, by name.
-    """
+    """The state of a training between two rollouts: what JSON can hold, and the rest by name."""
 
     values: dict[str, Any]
     arrays: dict[str, np.ndarray]
 
 
 def capture(model: Any) -> TrainingState:
-    """Return the exact state of a model of Stable-Baselines3, of its environments and of what it has logged.
-
-    Raises:
-        SettingsError: If the environments cannot tell their state.
-    """
+    """Return the exact state of a model of Stable-Baselines3, of its environments and of what it has logged."""
     values: dict[str, Any] = {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)}
     arrays: dict[str, np.ndarray] = {}
     values["parameters"] = _pack(model.get_parameters(), "parameters", arrays)
@@ -78,11 +69,7 @@ def capture(model: Any) -> TrainingState:
 
 
 def restore(model: Any, state: TrainingState) -> None:
-    """Put a model made with the same settings into a state of `capture`.
-
-    Raises:
-        FileFormatError: If the state is of another training; the message names the part.
-    """
+    """Put a model made with the same settings into a state of `capture`; a `FileFormatError` names what fails."""
     import torch
 
     values, arrays = state.values, state.arrays
@@ -366,7 +353,7 @@ def load_checkpoint(path: Path, plan: dict[str, Any]) -> tuple[TrainingRecord, T
     values, arrays = load_tensors(path, kind=KIND)
     header = parse(_Header, values, f"{path}: header")
     if isinstance(settings := header.plan.get("hyperparameters"), dict):
-        settings["policy"] = policy_name(str(settings.get("policy")))
+        settings["policy"] = RELEASED_NAMES.get(settings.get("policy"), settings.get("policy"))
     if (name := _difference(header.plan, plan)) is not None:
         raise SettingsError(
             f"{path} is of a training with another `{name}`; give the same settings to go on, or another --out"
@@ -394,18 +381,13 @@ def load_checkpoint(path: Path, plan: dict[str, Any]) -> tuple[TrainingRecord, T
 
 
 def check_weights(weights: dict[str, np.ndarray], policy: Any) -> None:
-    """Refuse weights that a policy cannot take.
-
-    Raises:
-        FileFormatError: Naming the first of them.
-    """
+    """Refuse weights that a policy cannot take: a `FileFormatError` names the first of them."""
     expected = {name: tuple(tensor.shape) for name, tensor in policy.state_dict().items()}
-    found = {name: array.shape for name, array in weights.items()}
-    for name in sorted(expected.keys() | found.keys()) if weights else ():
-        if expected.get(name) != found.get(name):
+    shapes = {name: array.shape for name, array in weights.items()}
+    for name in sorted(expected.keys() | shapes.keys()) if weights else ():
+        if (should_be := expected.get(name)) != (shape := shapes.get(name)):
             raise FileFormatError(
-                f"training state: its best weights `{name[:60]}` should have shape {expected.get(name)}, "
-                f"but have {found.get(name)}"
+                f"training state: its best weights `{name[:60]}` should have shape {should_be}, but have {shape}"
             )
 
 

@@ -1,4 +1,4 @@
-"""Hyperparameters in RL Zoo's format: one YAML file an algorithm, keyed by environment, checked before use.
+"""Algorithms, and their hyperparameters in RL Zoo's format: one YAML file an algorithm, checked before use.
 
 RL Zoo evaluates text such as ``dict(net_arch=[64, 64])``. Here it is parsed, and only numbers, strings, truth values,
 None, lists, tuples, dictionaries, `dict(...)`, `float("1e-3")` and the names of torch's activations are understood.
@@ -9,17 +9,163 @@ from __future__ import annotations
 import ast
 import contextlib
 import dataclasses
+import functools
+import importlib
+import inspect
+import itertools
+import operator
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator
 
-from creative_nao.agents.algorithms import ACTIVATIONS, Widths, check_policy_settings, find_algorithm, policy_name
-from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name, shown
+from creative_nao.errors import (
+    FileFormatError,
+    MissingDependencyError,
+    NotFoundError,
+    SettingsError,
+    nearest_name,
+    shown,
+)
 from creative_nao.schema import Field, JsonObject, Positive, UnitInterval, checked, record
 from creative_nao.storage import MAX_YAML_BYTES, as_yaml, read_text
+
+CELL_POLICY = "creative_nao.agents.CellPolicy"
+"""PPO's policy over the cells of the PB space, by a dotted path as RL Zoo reads it."""
+CELL_SAC_POLICY = "creative_nao.agents.CellSACPolicy"
+"""The same for SAC."""
+RELEASED_NAMES = {
+    "creative_nao.agents.cell_policy.CellPolicy": CELL_POLICY,
+    "creative_nao.agents.cell_sac.CellSACPolicy": CELL_SAC_POLICY,
+}
+"""Names of policies in files of release 0.1.0; a name is looked up here, and nothing is imported by it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Algorithm:
+    """One learning algorithm.
+
+    Attributes:
+        name: As RL Zoo calls it.
+        package: `stable_baselines3` or `sb3_contrib`.
+        class_name: Its class there.
+        on_policy: Whether it learns from whole rollouts of its present policy, and keeps no replay buffer.
+        policies: Names of policies it may have; the first is the default.
+        acting: Prefix of the weights that choosing an action needs; a bundle keeps these only.
+    """
+
+    name: str
+    package: str
+    class_name: str
+    on_policy: bool
+    policies: tuple[str, ...] = ("MlpPolicy",)
+    acting: str = ""
+
+    def load(self) -> Any:
+        """Return the class, or raise a `MissingDependencyError` where its package is not installed."""
+        try:
+            return getattr(importlib.import_module(self.package), self.class_name)
+        except ImportError as error:
+            raise MissingDependencyError(
+                f"agent `{self.name}` needs {self.package.replace('_', '-')}, which is not installed; "
+                'install it with: pip install "creative-nao[agents]"'
+            ) from error
+
+    def policy_class(self, policy: str) -> Any:
+        """Return the class of a policy, one of `policies`."""
+        if policy in (CELL_POLICY, CELL_SAC_POLICY):
+            from creative_nao.agents import cells
+
+            return cells.CellPolicy if policy == CELL_POLICY else cells.CellSACPolicy
+        return self.load().policy_aliases[policy]
+
+    def parameters(self, policy: str | None = None) -> dict[str, inspect.Parameter]:
+        """Return the settings of its constructor, or of a policy's, by name; those that are made here are left out."""
+        maker = self.load() if policy is None else self.policy_class(policy)
+        settings = inspect.signature(maker.__init__).parameters
+        return {k: one for k, one in settings.items() if k not in _MADE_HERE and one.kind is not one.VAR_KEYWORD}
+
+
+_SB3 = "stable_baselines3"
+ALGORITHMS = {
+    one.name: one
+    for one in (
+        Algorithm("ppo", _SB3, "PPO", on_policy=True, policies=("MlpPolicy", CELL_POLICY)),
+        Algorithm("sac", _SB3, "SAC", on_policy=False, policies=("MlpPolicy", CELL_SAC_POLICY), acting="actor."),
+        Algorithm("td3", _SB3, "TD3", on_policy=False, acting="actor."),
+        Algorithm("recurrent_ppo", "sb3_contrib", "RecurrentPPO", on_policy=True, policies=("MlpLstmPolicy",)),
+        Algorithm("tqc", "sb3_contrib", "TQC", on_policy=False, acting="actor."),
+        Algorithm("crossq", "sb3_contrib", "CrossQ", on_policy=False, acting="actor."),
+    )
+}
+"""Every algorithm by name. RL Zoo calls RecurrentPPO `ppo_lstm`; `find_algorithm` knows both."""
+
+_ALIASES = {"ppo_lstm": "recurrent_ppo"}
+_MADE_HERE = (
+    "self", "policy", "env", "policy_kwargs", "action_noise", "replay_buffer_class", "replay_buffer_kwargs",
+    "rollout_buffer_class", "rollout_buffer_kwargs", "optimize_memory_usage", "stats_window_size", "tensorboard_log",
+    "verbose", "seed", "device", "_init_setup_model", "observation_space", "action_space", "lr_schedule",
+)  # fmt: skip
+
+
+def find_algorithm(name: str) -> Algorithm:
+    """Return the algorithm of this name, or raise a `NotFoundError` that offers the nearest."""
+    name = _ALIASES.get(name, name)
+    if name not in ALGORITHMS:
+        known = ", ".join(ALGORITHMS)
+        raise NotFoundError(f"no learning agent `{name}`{nearest_name(name, ALGORITHMS)}; there are {known}")
+    return ALGORITHMS[name]
+
+
+ACTIVATIONS = ("ReLU", "Tanh", "ELU", "LeakyReLU", "SiLU", "GELU", "Softplus")
+"""Activations that a policy may have, classes of `torch.nn`."""
+MAX_WEIGHTS = 20_000_000
+"""Of all networks of a policy together, targets included: 80 MB."""
+Widths = Annotated[tuple[Annotated[int, Field(ge=1, le=4096)], ...], Field(max_length=16)]
+"""Units of the hidden layers of a network, layer by layer."""
+_LARGEST = {
+    "n_critics": 10, "n_quantiles": 1_000, "lstm_hidden_size": 2048, "n_lstm_layers": 8, "renorm_warmup_steps": 10**9,
+    "width": 512, "n_layers": 16,
+}  # fmt: skip
+_LARGEST_SIZE = {"log_std_init": 20.0, "clip_mean": 1e6, "batch_norm_momentum": 1.0, "batch_norm_eps": 1.0}
+_POLICY_SETTINGS: dict[str, Any] = {
+    "activation_fn": str,
+    "optimizer_kwargs": dict[str, float | bool],
+    **{name: Annotated[int, Field(ge=1, le=most)] for name, most in _LARGEST.items()},
+    **{name: Annotated[float, Field(ge=-most, le=most)] for name, most in _LARGEST_SIZE.items()},
+}
+
+
+def check_policy_settings(settings: Mapping[str, Any]) -> None:
+    """Refuse settings of a policy that are of the wrong kind or ask for a network beyond reason: a `SettingsError`."""
+    for name, value in settings.items():
+        if name == "net_arch":
+            nets_of(value)
+        elif name in _POLICY_SETTINGS:
+            checked(_POLICY_SETTINGS[name], value, name)
+        elif not name.endswith(("_class", "_kwargs")):
+            checked(bool, value, name)
+        elif value is not None:
+            raise SettingsError(f"`{name}` cannot be set in a file, where nothing names code")
+    nets = nets_of(settings.get("net_arch"))
+    n_weights = 16 * settings.get("lstm_hidden_size", 0) ** 2 * settings.get("n_lstm_layers", 1)
+    for name, widths in nets.items():  # but for the layers that read the observation
+        between = sum(one * other for one, other in itertools.pairwise(widths))
+        n_weights += between * (1 if name == "pi" else 2 * settings.get("n_critics", 2))
+    if n_weights > MAX_WEIGHTS:
+        raise SettingsError(f"the networks would have {n_weights:,} weights, expected at most {MAX_WEIGHTS:,}")
+
+
+def nets_of(value: Any) -> dict[str, tuple[int, ...]]:
+    """Return the widths of the layers of each network that `net_arch`, a list or a mapping of lists, describes."""
+    if value is None:
+        return {}
+    if isinstance(value, Mapping):
+        return checked(dict[Literal["pi", "vf", "qf"], Widths], value, "net_arch")
+    return dict.fromkeys(("pi", "vf", "qf"), checked(Widths, value, "net_arch"))
+
 
 FOLDER = Path(__file__).parent / "hyperparams"
 AUGMENTATION = "creative_nao.agents.augmentation.FlippedSwappedAxes"
@@ -105,95 +251,38 @@ class Hyperparameters:
         if self.policy_kwargs:
             found["policy_kwargs"] = self.policy_kwargs
             if "activation_fn" in self.policy_kwargs:  # RL Zoo reads a class only from text
-                inner = ", ".join(
-                    f"{name}={value if name == 'activation_fn' else repr(value)}"
-                    for name, value in self.policy_kwargs.items()
-                )
-                found["policy_kwargs"] = f"dict({inner})"
+                parts = [f"{k}={v if k == 'activation_fn' else repr(v)}" for k, v in self.policy_kwargs.items()]
+                found["policy_kwargs"] = f"dict({', '.join(parts)})"
         return found
 
+    def sb3_arguments(self) -> dict[str, Any]:
+        """Return `arguments` as the algorithms take them: ``lin_x`` as a function that falls from x to 0."""
+        falling = {
+            name: functools.partial(operator.mul, float(value.removeprefix("lin_")))
+            for name, value in self.arguments.items()
+            if isinstance(value, str) and value.startswith("lin_")
+        }
+        pairs = {name: tuple(value) for name, value in self.arguments.items() if isinstance(value, list)}
+        return {**self.arguments, **falling, **pairs}
+
+    def sb3_policy_kwargs(self) -> dict[str, Any]:
+        """Return `policy_kwargs` with the activation's class in place of its name."""
+        if "activation_fn" not in self.policy_kwargs:
+            return dict(self.policy_kwargs)
+        import torch
+
+        activation = getattr(torch.nn, self.policy_kwargs["activation_fn"].removeprefix("nn."))
+        return {**self.policy_kwargs, "activation_fn": activation}
+
     def replace(self, **changes: Any) -> Hyperparameters:
-        """Return a copy with other values.
-
-        Raises:
-            SettingsError: If one is out of range.
-        """
+        """Return a copy with other values, checked."""
         return check_entry(self.algorithm, dataclasses.replace(self, **changes).as_zoo(), "hyperparameters")
-
-
-@record
-class PPOSettings:
-    """How PPO is trained on the spot. The defaults learn within half a minute on one core.
-
-    They were chosen on the shipped memory `half/0` in the mental environment, on one or two seeds each: many updates
-    of a small network at a high learning rate matter; discounts from 0 to 0.9 make no difference beyond the spread of
-    the seeds, for an action is rewarded at once. Drawn actions earn more than the most likely ones (16.4 against 13.9
-    over eight policies): repeating an action earns nothing, and a policy without chance is prone to repeat itself.
-
-    Raises:
-        SettingsError: If a value is out of range; the message names the field.
-    """
-
-    n_timesteps: Timesteps = 60_000
-    """Actions generated in training; rounded up to whole rollouts of n_envs * n_steps."""
-    n_envs: Copies = 16
-    """Copies of the environment that are stepped in turn."""
-    n_steps: Annotated[int, Field(ge=1, le=10**6)] = 30
-    """Steps of each copy between two updates: one episode."""
-    batch_size: Annotated[int, Field(ge=1, le=10**7)] = 480
-    """Size of a minibatch."""
-    n_epochs: Annotated[int, Field(ge=1, le=10**4)] = 12
-    """Passes over the data of an update."""
-    learning_rate: Annotated[float, Field(gt=0, le=1e6)] = 4e-3
-    """Step size of Adam."""
-    gamma: UnitInterval = 0.5
-    """Discount per action."""
-    gae_lambda: UnitInterval = 0.9
-    """Weight of longer looks ahead in the advantage."""
-    clip_range: Annotated[float, Field(gt=0, le=1e6)] = 0.2
-    """Largest change of an action's probability ratio that an update rewards."""
-    ent_coef: Annotated[float, Field(ge=-1e6, le=1e6)] = 0.0
-    """Weight of the entropy bonus."""
-    log_std_init: Annotated[float, Field(ge=-20, le=20)] = -0.5
-    """Logarithm of the policy's first standard deviation; the square is 2 wide."""
-    hidden: Annotated[Widths, Field(min_length=1)] = (64, 64)
-    """Hidden units of the policy and of the value network, layer by layer."""
-    deterministic: bool = False
-    """Judge the policy's most likely actions instead of drawn ones."""
-
-    def __post_init__(self) -> None:
-        with _naming("`hidden`"):
-            check_policy_settings(self.as_hyperparameters().policy_kwargs)
-        _check_rollout(self.n_envs, self.n_steps, self.batch_size)
-
-    @property
-    def n_generated(self) -> int:
-        """Actions generated in training, in whole rollouts."""
-        rollout = self.n_envs * self.n_steps
-        return -(-self.n_timesteps // rollout) * rollout
-
-    def as_hyperparameters(self) -> Hyperparameters:
-        """Return them as those of the algorithm `ppo`."""
-        names = ("n_steps", "batch_size", "n_epochs", "learning_rate", "gamma", "gae_lambda", "clip_range", "ent_coef")
-        widths = list(self.hidden)
-        return Hyperparameters(
-            "ppo",
-            n_timesteps=self.n_timesteps,
-            n_envs=self.n_envs,
-            policy_kwargs={"net_arch": {"pi": widths, "vf": widths}, "log_std_init": self.log_std_init},
-            arguments={name: getattr(self, name) for name in names},
-        )
 
 
 def read_hyperparameters(
     algorithm: str, env_id: str, conf_file: str | os.PathLike[str] | None = None
 ) -> Hyperparameters:
-    """Read the hyperparameters of an algorithm for an environment.
-
-    Args:
-        algorithm: Name of the algorithm.
-        env_id: Name of the environment.
-        conf_file: YAML file of RL Zoo's format; default: the shipped one.
+    """Read the hyperparameters of an algorithm for an environment, out of the shipped file or a `conf_file`.
 
     Raises:
         NotFoundError: If algorithm, file or entry does not exist; the message offers the nearest name.
@@ -215,12 +304,8 @@ def read_hyperparameters(
 
 
 def check_entry(algorithm: str, entry: Any, where: str) -> Hyperparameters:
-    """Return the hyperparameters of one entry of RL Zoo's format.
-
-    Raises:
-        SettingsError: If a key is unknown or a value out of range; the message names the entry and the key.
-    """
-    with _naming(where):
+    """Return the hyperparameters of one entry of RL Zoo's format; a `SettingsError` names the entry and the key."""
+    with naming(where):
         return _checked_entry(algorithm, entry)
 
 
@@ -241,7 +326,8 @@ def _checked_entry(algorithm: str, entry: Any) -> Hyperparameters:
     wrapper = entry.get("vec_env_wrapper")
     if wrapper not in (None, AUGMENTATION):
         raise SettingsError(f"`vec_env_wrapper` should be {AUGMENTATION}, or left out, but is {shown(wrapper)}")
-    policy = policy_name(str(entry.get("policy", known.policies[0])))
+    policy = str(entry.get("policy", known.policies[0]))
+    policy = RELEASED_NAMES.get(policy, policy)
     if policy not in known.policies:
         raise SettingsError(f"`policy` should be {' or '.join(known.policies)}, but is {shown(policy)}")
     noise = entry.get("noise_type"), entry.get("noise_std")
@@ -253,13 +339,13 @@ def _checked_entry(algorithm: str, entry: Any) -> Hyperparameters:
                 f'`noise_type` should be "normal" with a `noise_std`, but is {shown(noise[0])} with {shown(noise[1])}'
             )
     policy_kwargs = _mapping(entry.get("policy_kwargs", {}), "policy_kwargs")
-    with _naming("`policy_kwargs`"):
-        names = known.policy_parameters(policy)
+    with naming("`policy_kwargs`"):
+        names = known.parameters(policy)
         for key in policy_kwargs:
             if key not in names:
                 raise SettingsError(f"no setting `{key}`{nearest_name(key, names)} of {policy}")
         if "activation_fn" in policy_kwargs:
-            policy_kwargs["activation_fn"] = activation_name(str(policy_kwargs["activation_fn"]), "`activation_fn`")
+            policy_kwargs["activation_fn"] = _activation(str(policy_kwargs["activation_fn"]), "`activation_fn`")
         check_policy_settings(policy_kwargs)
     arguments = {k: _argument(k, v, parameters[k].default) for k, v in entry.items() if k in parameters}
     given = {name: entry[name] for name in ("n_timesteps", "n_envs") if name in entry}
@@ -275,12 +361,13 @@ def _checked_entry(algorithm: str, entry: Any) -> Hyperparameters:
     )
     if known.on_policy:
         n_steps, batch_size = (arguments.get(name, parameters[name].default) for name in ("n_steps", "batch_size"))
-        _check_rollout(made.n_envs, n_steps, batch_size)
+        check_rollout(made.n_envs, n_steps, batch_size)
     return made
 
 
 @contextlib.contextmanager
-def _naming(where: str) -> Iterator[None]:
+def naming(where: str) -> Iterator[None]:
+    """Begin the text of a `SettingsError` with the name of the part."""
     try:
         yield
     except SettingsError as error:
@@ -307,7 +394,7 @@ def _mapping(value: Any, name: str) -> dict[str, Any]:
     return dict(found)
 
 
-def _check_rollout(n_envs: int, n_steps: int, batch_size: int) -> None:
+def check_rollout(n_envs: int, n_steps: int, batch_size: int) -> None:
     """Refuse minibatches that do not divide the rollout: the last one would be smaller than asked for."""
     size = n_envs * n_steps
     if size > MAX_ROLLOUT:
@@ -316,34 +403,11 @@ def _check_rollout(n_envs: int, n_steps: int, batch_size: int) -> None:
         raise SettingsError(f"`batch_size` should divide n_envs * n_steps = {size}, but is {batch_size}")
 
 
-def schedule(value: Any) -> Any:
-    """Return what the algorithms take for a rate: a number, or for ``lin_x`` a function falling from x to 0."""
-    if not isinstance(value, str) or not value.startswith("lin_"):
-        return value
-    start = float(value.removeprefix("lin_"))
-    falling: Callable[[float], float] = lambda remaining: start * remaining  # noqa: E731 - it is a value here
-    return falling
-
-
-def resolve_policy_kwargs(policy_kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `policy_kwargs` with the activation's class in place of its name."""
-    found = dict(policy_kwargs)
-    if "activation_fn" in found:
-        import torch
-
-        found["activation_fn"] = getattr(torch.nn, found["activation_fn"].removeprefix("nn."))
-    return found
-
-
 def parse_literal(text: str, where: str) -> Any:
-    """Return the value that `text` describes; an activation as its name with the prefix ``nn.``.
-
-    Args:
-        text: A Python expression of the kinds named at the top.
-        where: What it is the value of, for the error.
+    """Return the value that a Python expression describes; an activation as its name with the prefix ``nn.``.
 
     Raises:
-        SettingsError: If it is anything else.
+        SettingsError: If it holds anything but what is named at the top; it begins with `where`.
 
     Example:
         >>> parse_literal("dict(net_arch=[64, 64], activation_fn=nn.ReLU)", "policy_kwargs")
@@ -354,23 +418,16 @@ def parse_literal(text: str, where: str) -> Any:
     except SettingsError:
         raise
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise SettingsError(
-            f"{where} should be a value such as dict(net_arch=[64, 64]), but is {text!r:.80}"
-        ) from error
+        raise SettingsError(f"{where} should be such as dict(net_arch=[64, 64]), but is {text!r:.80}") from error
 
 
-def activation_name(name: str, where: str) -> str:
-    """Return ``nn.X`` for ``X`` or ``nn.X``.
-
-    Raises:
-        SettingsError: If there is no such activation.
-    """
+def _activation(name: str, where: str) -> str:
+    """Return ``nn.X`` for ``X`` or ``nn.X``."""
     bare = name.rpartition(".")[2]
-    if bare not in ACTIVATIONS or name not in (bare, f"nn.{bare}", f"th.nn.{bare}", f"torch.nn.{bare}"):
-        raise SettingsError(
-            f"{where}: no activation `{name}`{nearest_name(bare, ACTIVATIONS)}; there are {', '.join(ACTIVATIONS)}"
-        )
-    return f"nn.{bare}"
+    if bare in ACTIVATIONS and name in (bare, f"nn.{bare}", f"th.nn.{bare}", f"torch.nn.{bare}"):
+        return f"nn.{bare}"
+    known = ", ".join(ACTIVATIONS)
+    raise SettingsError(f"{where}: no activation `{name}`{nearest_name(bare, ACTIVATIONS)}; there are {known}")
 
 
 def _value(node: ast.expr, where: str) -> Any:
@@ -388,7 +445,7 @@ def _value(node: ast.expr, where: str) -> Any:
         case ast.Call(func=ast.Name(id="float"), args=[ast.Constant(value=int() | float() | str() as value)]):
             return float(value)
         case ast.Attribute() | ast.Name():
-            return activation_name(ast.unparse(node), where)
+            return _activation(ast.unparse(node), where)
     raise SettingsError(
         f"{where} holds `{ast.unparse(node):.60}`, which is not read: only numbers, strings, lists, dict(...) and "
         "activations such as nn.ReLU are, since nothing in a settings file is executed"

@@ -13,10 +13,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from creative_nao.agents.algorithms import CELL_POLICY, CELL_SAC_POLICY, find_algorithm
-from creative_nao.agents.settings import Hyperparameters, read_hyperparameters
+from creative_nao.agents.base import load_extra
+from creative_nao.agents.settings import (
+    CELL_POLICY,
+    CELL_SAC_POLICY,
+    RELEASED_NAMES,
+    Hyperparameters,
+    find_algorithm,
+    read_hyperparameters,
+)
 from creative_nao.agents.training import TrainingPlan, train_agent
-from creative_nao.errors import MissingDependencyError, SettingsError
+from creative_nao.errors import SettingsError
 from creative_nao.schema import Count, Index, LongText, Text, record
 from creative_nao.storage import write_text
 
@@ -37,9 +44,6 @@ class TuningPlan:
         conf_file: Hyperparameters to start from; None for the shipped ones.
         n_judged_seeds: Episodes of each validation memory that score a trial. Trials differ by less than an episode's
             luck, so that a search with few of them picks the luckiest.
-
-    Raises:
-        SettingsError: If a number is below 1.
     """
 
     algorithm: Text
@@ -53,21 +57,16 @@ class TuningPlan:
 
 @dataclass(frozen=True)
 class TuningResult:
-    """What was found.
-
-    Attributes:
-        path: YAML file of the best entry.
-        n_trials: Trials done.
-        first_reward: Validation reward of the starting values.
-        best_reward: Validation reward of the best.
-        best: The values chosen in the best trial.
-    """
+    """What was found."""
 
     path: Path
+    """YAML file of the best entry."""
     n_trials: int
     first_reward: float
+    """Validation reward of the starting values."""
     best_reward: float
     best: dict[str, Any]
+    """The values chosen in the best trial."""
 
 
 def tune(
@@ -85,7 +84,7 @@ def tune(
         MissingDependencyError: If Optuna is not installed.
         SettingsError: If there is a study already and `resume` is not set, or it is of another plan.
     """
-    optuna = _optuna()
+    optuna: Any = load_extra("optuna", package="optuna", extra="tune", agent=plan.algorithm)
     known = find_algorithm(plan.algorithm)
     start = read_hyperparameters(known.name, plan.env, plan.conf_file).replace(n_timesteps=plan.n_timesteps)
     journal = out / "study.journal"
@@ -97,7 +96,9 @@ def tune(
     study = optuna.create_study(storage=journal_storage, study_name="tuning", direction="maximize", load_if_exists=True)
     about = {"start": start.as_zoo(), "algorithm": known.name, "env": plan.env, "seed": plan.seed}
     about["n_judged_seeds"] = plan.n_judged_seeds
-    if study.user_attrs.get("about", about) != about:
+    kept = study.user_attrs.get("about", about)
+    policy = kept["start"]["policy"]
+    if {**kept, "start": {**kept["start"], "policy": RELEASED_NAMES.get(policy, policy)}} != about:
         raise SettingsError(f"{journal} is a search with other settings; give the same ones to go on, or another --out")
     study.set_user_attr("about", about)
     done = optuna.trial.TrialState.COMPLETE
@@ -180,13 +181,3 @@ def _as_yaml(plan: TuningPlan, entry: Hyperparameters, reward: float, n_trials: 
         f"# Best of {n_trials} trials of {plan.n_timesteps} decisions, seed {plan.seed}; "
         f"validation reward {reward:.3f} (optimistic: it is the best of many)\n{text}"
     )
-
-
-def _optuna() -> Any:
-    try:
-        import optuna
-    except ImportError as error:
-        raise MissingDependencyError(
-            'tuning needs Optuna, which is not installed; install it with: pip install "creative-nao[tune]"'
-        ) from error
-    return optuna

@@ -12,11 +12,10 @@ import numpy as np
 import tyro
 
 from creative_nao import storage
-from creative_nao.agents.algorithms import find_algorithm
 from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, machine, save_bundle
 from creative_nao.agents.play import Score, check_env, evaluate_policy
 from creative_nao.agents.resume import TrainingRecord
-from creative_nao.agents.settings import read_hyperparameters
+from creative_nao.agents.settings import find_algorithm, read_hyperparameters
 from creative_nao.agents.training import TrainingPlan, memories_of, train_agent
 from creative_nao.cli.terminal import Display, changed_flags, print_result, stopped_by_signals
 from creative_nao.errors import SettingsError

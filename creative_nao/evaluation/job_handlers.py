@@ -16,8 +16,7 @@ from gymnasium.spaces import Box
 
 from creative_nao import storage
 from creative_nao.agents.bundle import BundleHeader, save_bundle
-from creative_nao.agents.settings import PPOSettings
-from creative_nao.agents.training import train_ppo
+from creative_nao.agents.training import PPOSettings, train_ppo
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import CreativeNaoError

@@ -17,7 +17,7 @@ from typing import Annotated, Any
 from creative_nao.agents.base import Agent, PolicyAgent
 from creative_nao.agents.bundle import load_bundle, shipped_agents
 from creative_nao.agents.registry import NAMES, TRAINED, UNTRAINED, is_entry_point, load_entry_point, make_agent
-from creative_nao.agents.settings import PPOSettings
+from creative_nao.agents.training import PPOSettings
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
 from creative_nao.model import SPLITS, split_memories

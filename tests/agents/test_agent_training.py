@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from creative_nao.agents import BundleHeader, TrainedPolicy, load_agent, make_agent, save_bundle
-from creative_nao.agents.algorithms import CELL_POLICY, CELL_SAC_POLICY
 from creative_nao.agents.bundle import replay
 from creative_nao.agents.play import evaluate_agent, evaluate_policy
 from creative_nao.agents.resume import KIND, PRIVATE_NAMES, load_checkpoint, save_checkpoint
-from creative_nao.agents.settings import AUGMENTATION, check_entry
+from creative_nao.agents.settings import AUGMENTATION, CELL_POLICY, CELL_SAC_POLICY, check_entry
 from creative_nao.agents.training import TrainingPlan, make_model, train_agent
 from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError

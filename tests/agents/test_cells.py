@@ -5,9 +5,8 @@ import pytest
 import torch
 from gymnasium.spaces import Box
 
-from creative_nao.agents.algorithms import CELL_POLICY, CELL_SAC_POLICY
 from creative_nao.agents.cells import CellDistribution, CellFeatures, CellPolicy, CellSACPolicy, CellWeights, cells_at
-from creative_nao.agents.settings import check_entry
+from creative_nao.agents.settings import CELL_POLICY, CELL_SAC_POLICY, check_entry
 from creative_nao.agents.training import TrainingPlan, train_agent
 from creative_nao.envs.observation import N_CELLS, cells_of, layout, observation_space
 from creative_nao.errors import SettingsError

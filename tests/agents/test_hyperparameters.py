@@ -2,13 +2,12 @@
 
 import pytest
 
-from creative_nao.agents.algorithms import ALGORITHMS, find_algorithm
 from creative_nao.agents.settings import (
+    ALGORITHMS,
     check_entry,
+    find_algorithm,
     parse_literal,
     read_hyperparameters,
-    resolve_policy_kwargs,
-    schedule,
 )
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
@@ -77,9 +76,9 @@ def test_an_entry_of_rl_zoo_s_own_manner_is_read():
     }
     found = check_entry("ppo", entry, "zoo")
     assert found.n_timesteps == 1_000_000
-    assert schedule(found.arguments["learning_rate"])(0.5) == 1.5e-4
+    assert found.sb3_arguments()["learning_rate"](0.5) == 1.5e-4
     assert found.policy_kwargs["net_arch"] == {"pi": [256, 256], "vf": [256, 256]}
-    assert resolve_policy_kwargs(found.policy_kwargs)["activation_fn"].__name__ == "ReLU"
+    assert found.sb3_policy_kwargs()["activation_fn"].__name__ == "ReLU"
     assert check_entry("ppo", found.as_zoo(), "again") == found
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from creative_nao.agents.bundle import shipped_agents
 from creative_nao.agents.registry import UNTRAINED
-from creative_nao.agents.settings import PPOSettings
+from creative_nao.agents.training import PPOSettings
 from creative_nao.demonstrations import load_demonstrations, save_demonstrations
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan

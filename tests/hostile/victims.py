@@ -23,7 +23,8 @@ from creative_nao.agents.resume import TrainingRecord
 from creative_nao.agents.resume import TrainingState as AgentState
 from creative_nao.agents.resume import load_checkpoint as load_agent_checkpoint
 from creative_nao.agents.resume import save_checkpoint as save_agent_checkpoint
-from creative_nao.agents.settings import PPOSettings, check_entry, read_hyperparameters
+from creative_nao.agents.settings import check_entry, read_hyperparameters
+from creative_nao.agents.training import PPOSettings
 from creative_nao.cli.explore import choices
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.demonstrations.files import load_trajectory, save_trajectory
