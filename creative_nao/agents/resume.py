@@ -353,7 +353,8 @@ def load_checkpoint(path: Path, plan: dict[str, Any]) -> tuple[TrainingRecord, T
     values, arrays = load_tensors(path, kind=KIND)
     header = parse(_Header, values, f"{path}: header")
     if isinstance(settings := header.plan.get("hyperparameters"), dict):
-        settings["policy"] = RELEASED_NAMES.get(settings.get("policy"), settings.get("policy"))
+        policy = str(settings.get("policy"))
+        settings["policy"] = RELEASED_NAMES.get(policy, policy)
     if (name := _difference(header.plan, plan)) is not None:
         raise SettingsError(
             f"{path} is of a training with another `{name}`; give the same settings to go on, or another --out"
