@@ -26,7 +26,7 @@ from creative_nao.envs.rollout import RolloutBatch, check_can_pause
 from creative_nao.envs.viewing import Recorder
 from creative_nao.errors import ShapeError
 from creative_nao.measures import Criteria
-from creative_nao.measures._outcome_kernel import measure_rows
+from creative_nao.measures._dtw_kernels import measure_rows
 from creative_nao.measures.outcome import ALL_OUTCOMES, APPROPRIATE, NO_FAULT, OUTCOME_CODE, outcome_codes
 from creative_nao.model.config import check_kind
 from creative_nao.robot import PhysicalLimits

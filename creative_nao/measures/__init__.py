@@ -1,24 +1,14 @@
 """How creative a set of actions is: NumPy arrays of joint angles in, numbers out.
 
-Distance
-    - `dtw`, `dtw_matrix`, `dtw_pairs`: dynamic time warping, its definition in `dtw.py`.
-Each action
-    - `score` -> `Scores`: its outcome, its novelty and the basic action it is nearest to.
-    - `attribution` -> `Attribution`, `Stretch`: which basic action it resembles when.
-    - `Criteria`, `BasicActions`: where the lines between outcomes are drawn; what counts as basic actions.
-    - `is_appropriate`, `largest_speeds`, `speed_limits`, `excursions`, `excursion_limit`: the lines themselves.
-A set of actions
-    - `novelty`, `diversity` -> `Draws`: the paper's means over random samples.
-    - `table` -> `Table`: the figures of the paper's Table I.
-    - `farthest_points` -> `FarthestPoints`: the greedy oracle; `reward_scale`: the unit of its rewards.
-    - `vendi_score`, `dtw_similarity`: how many different actions a set amounts to.
-    - `density_coverage` -> `DensityCoverage`: how a set lies among those of a reference.
-    - `warping`, `warping_diversity`, `warping_path`: differences in timing.
-    - `grid_quality` -> `GridQuality`: QD score and coverage of a grid of descriptors.
-A search
-    - `oracle_share`, `regret`, `first_novel`: how much it found for its trying; `unexpectedness`: how rare that is.
+docs/measures.md presents all measures. What the functions have in common is told here once:
 
-Nothing here knows of networks or robots; numba is loaded by the first distance, not by the import.
+- `trajectories`: a list of (n_steps, n_joints) arrays, whose lengths may differ, or one (n, n_steps, n_joints) array
+  [rad], at the tick of the basic actions. One alone is ``trajectory[None]``.
+- `demos`: the basic actions, anything with `trajectories` and `dt_s`; `criteria`: where the lines between outcomes are
+  drawn; `appropriate`: a mask (n,) of bool, which actions count, if that is known already.
+- `rng`: a generator or a seed for one.
+- Arrays that do not fit or are not finite raise `ShapeError`, settings out of range `SettingsError`; the message names
+  the argument. Nothing here knows of networks or robots; numba is loaded by the first distance, not by the import.
 """
 
 from creative_nao.measures.attribution import Attribution, Stretch, attribution
@@ -31,18 +21,20 @@ from creative_nao.measures.coverage import (
     oracle_share,
     regret,
     unexpectedness,
-)
+)  # fmt: skip
 from creative_nao.measures.diversity import (
     Draws,
     FarthestPoints,
+    Table,
     diversity,
     dtw_similarity,
     farthest_points,
     mean_pairwise_distance,
     novelty,
     reward_scale,
+    table,
     vendi_score,
-)
+)  # fmt: skip
 from creative_nao.measures.dtw import dtw, dtw_matrix, dtw_pairs, warping, warping_diversity, warping_path
 from creative_nao.measures.outcome import (
     OUTCOMES,
@@ -55,46 +47,13 @@ from creative_nao.measures.outcome import (
     largest_speeds,
     score,
     speed_limits,
-)
-from creative_nao.measures.table import Table, table
+)  # fmt: skip
 
 __all__ = [  # noqa: RUF022 - in reading order
-    "dtw",
-    "dtw_matrix",
-    "dtw_pairs",
-    "score",
-    "Scores",
-    "OUTCOMES",
-    "attribution",
-    "Attribution",
-    "Stretch",
-    "Criteria",
-    "BasicActions",
-    "is_appropriate",
-    "largest_speeds",
-    "speed_limits",
-    "excursions",
-    "excursion_limit",
-    "novelty",
-    "diversity",
-    "Draws",
-    "mean_pairwise_distance",
-    "table",
-    "Table",
-    "farthest_points",
-    "FarthestPoints",
-    "reward_scale",
-    "vendi_score",
-    "dtw_similarity",
-    "density_coverage",
-    "DensityCoverage",
-    "warping",
-    "warping_diversity",
-    "warping_path",
-    "grid_quality",
-    "GridQuality",
-    "oracle_share",
-    "regret",
-    "first_novel",
+    "dtw", "dtw_matrix", "dtw_pairs", "score", "Scores", "OUTCOMES", "attribution", "Attribution", "Stretch",
+    "Criteria", "BasicActions", "is_appropriate", "largest_speeds", "speed_limits", "excursions", "excursion_limit",
+    "novelty", "diversity", "Draws", "mean_pairwise_distance", "table", "Table", "farthest_points", "FarthestPoints",
+    "reward_scale", "vendi_score", "dtw_similarity", "density_coverage", "DensityCoverage", "warping",
+    "warping_diversity", "warping_path", "grid_quality", "GridQuality", "oracle_share", "regret", "first_novel",
     "unexpectedness",
-]
+]  # fmt: skip

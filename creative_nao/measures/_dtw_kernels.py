@@ -1,8 +1,9 @@
-"""Exact dynamic time warping of many pairs at once, compiled with numba: the fast form of what `dtw.py` defines.
+"""The compiled arithmetic of the measures: exact dynamic time warping of many pairs at once, and speeds of actions.
 
-Up to 128 trajectories lie side by side as (tick, joint, lane). One instruction then works on the same cell of the
-dynamic programme for 8 or 16 of them, all against one shared other trajectory; a lane's answer is its last row's last
-cell. Two columns are done in one pass, because the postures of the lanes then have to be read only half as often.
+It is the fast form of what `dtw.py` defines. Up to 128 trajectories lie side by side as (tick, joint, lane). One
+instruction then works on the same cell of the dynamic programme for 8 or 16 of them, all against one shared other
+trajectory; a lane's answer is its last row's last cell. Two columns are done in one pass, because the postures of the
+lanes then have to be read only half as often.
 
 A lane never reads another lane, and every cell is computed by the same expression, so a distance has the same bits
 whatever shares its batch, however many threads there are, and whichever of the two comes first. The expression is put
@@ -212,32 +213,6 @@ def fill_parallel(lanes, xs, x_offset, x_order, ys, y_offset, y_order, symmetric
 
 
 @compiled()
-def _side_by_side(x, y, rows, squares):
-    """Fill row 0 or 1 of `rows`, returned, column by column; its last column holds the distances.
-
-    x, y: (ticks, joints, lanes) the members of the pairs; rows: (2, ticks + 1, lanes) and squares: (lanes,) working
-    memory. The expressions are those of `fill_row`, so a pair has the same bits as elsewhere.
-    """
-    m = y.shape[0]
-    rows[:] = BORDER
-    rows[0, 0] = 0
-    for i in range(x.shape[0]):
-        before, now = rows[i & 1], rows[1 - (i & 1)]
-        for j in range(m):
-            squares[:] = 0
-            for k in range(0, x.shape[1], BLOCK):
-                p, q = x[i, k : k + BLOCK], y[j, k : k + BLOCK]
-                for v in range(np.uint64(0), np.uint64(x.shape[2])):
-                    squares[v] += squared_length(
-                        p[0, v] - q[0, v], p[1, v] - q[1, v], p[2, v] - q[2, v], p[3, v] - q[3, v],
-                        p[4, v] - q[4, v], p[5, v] - q[5, v], p[6, v] - q[6, v], p[7, v] - q[7, v],
-                    )  # fmt: skip
-            fill_column(squares, j, before, now, 0, x.shape[2])
-        before[0] = BORDER  # only the very first cell may be entered from outside
-    return x.shape[0] & 1
-
-
-@compiled()
 def _gather(values, places, width, out):
     """Lay the trajectories at `places` side by side; lanes beyond the last repeat it."""
     for lane in range(width):
@@ -249,15 +224,28 @@ def _gather(values, places, width, out):
 
 @compiled()
 def _batch_of_pairs(values, first, second, out):
-    n = first.shape[0]
+    """Fill `out` (n,); the expressions are those of `fill_row`, so a pair has the same bits as elsewhere."""
+    n, m = first.shape[0], values.shape[1]
     width = (n + STEP - 1) // STEP * STEP
-    x = np.empty((values.shape[1], values.shape[2], width), out.dtype)
-    y = np.empty((values.shape[1], values.shape[2], width), out.dtype)
+    x, y = np.empty((m, values.shape[2], width), out.dtype), np.empty((m, values.shape[2], width), out.dtype)
     _gather(values, first, width, x)
     _gather(values, second, width, y)
-    rows, squares = np.empty((2, values.shape[1] + 1, width), out.dtype), np.empty(width, out.dtype)
-    last = _side_by_side(x, y, rows, squares)
-    out[:] = rows[last, values.shape[1], :n]
+    rows, squares = np.full((2, m + 1, width), BORDER, out.dtype), np.empty(width, out.dtype)
+    rows[0, 0] = 0
+    for i in range(m):
+        before, now = rows[i & 1], rows[1 - (i & 1)]
+        for j in range(m):
+            squares[:] = 0
+            for k in range(0, x.shape[1], BLOCK):
+                p, q = x[i, k : k + BLOCK], y[j, k : k + BLOCK]
+                for v in range(np.uint64(0), np.uint64(width)):
+                    squares[v] += squared_length(
+                        p[0, v] - q[0, v], p[1, v] - q[1, v], p[2, v] - q[2, v], p[3, v] - q[3, v],
+                        p[4, v] - q[4, v], p[5, v] - q[5, v], p[6, v] - q[6, v], p[7, v] - q[7, v],
+                    )  # fmt: skip
+            fill_column(squares, j, before, now, 0, width)
+        before[0] = BORDER  # only the very first cell may be entered from outside
+    out[:] = rows[m & 1, m, :n]
 
 
 @compiled()
@@ -266,3 +254,32 @@ def fill_pairs(values, first, second, out):
     for start in range(0, first.shape[0], PAIRS):
         stop = min(start + PAIRS, first.shape[0])
         _batch_of_pairs(values, first[start:stop], second[start:stop], out[start:stop])
+
+
+@compiled()
+def measure_rows(which, generated, performed, dt_s, speed_limit, too_fast, excursion):
+    """Fill `too_fast` and `excursion`, both (m,), of m actions; return the first that is not finite, or -1.
+
+    The twin of `outcome.largest_speeds` and `excursions`, with the same bits, for the hot path of the environments.
+
+    which: (m,) the row of `dt_s` [s] and `speed_limit` (n, n_joints) [rad/s] that holds for each action; generated,
+    performed: (m, n_steps, n_joints) [rad]. The speed is that of the command, the excursion that of what was performed.
+    """
+    m, n_ticks, n_joints = generated.shape
+    for k in range(m):
+        row = which[k]
+        too_fast[k] = False
+        excursion[k] = 0.0
+        for j in range(n_joints):
+            change, low, high = 0.0, performed[k, 0, j], performed[k, 0, j]
+            for t in range(n_ticks):
+                here = performed[k, t, j]
+                if not (np.isfinite(generated[k, t, j]) and np.isfinite(here)):
+                    return k
+                low, high = min(low, here), max(high, here)
+                if t > 0:
+                    change = max(change, abs(generated[k, t, j] - generated[k, t - 1, j]))
+            if change / dt_s[row] > speed_limit[row, j]:
+                too_fast[k] = True
+            excursion[k] = max(excursion[k], high - low)
+    return -1

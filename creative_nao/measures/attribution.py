@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures.dtw import MAX_VALUE, as_numbers, refuse_where
 from creative_nao.measures.outcome import BasicActions, check_basic_actions
-from creative_nao.schema import Positive, checked
+from creative_nao.schema import NonNegative, Positive, checked
 
 WINDOW_S = 1.5
 """About one punch and its way back."""
@@ -81,14 +81,9 @@ class Attribution:
         Of all ways to name an action for each tick, the one whose distances, summed over the ticks, plus `switch_cost`
         for each change of the action are smallest.
 
-        Args:
-            switch_cost: What a change costs [rad], 0 or more; with 0 it is `nearest`.
-
-        Raises:
-            SettingsError: If `switch_cost` is negative.
+        A change costs `switch_cost` [rad], 0 or more; with 0 the result is `nearest`.
         """
-        if not switch_cost >= 0:
-            raise SettingsError(f"`switch_cost` should be 0 or more, but is {switch_cost}.")
+        switch_cost = checked(NonNegative, switch_cost, "switch_cost")
         total = self.distances[0].copy()
         came_from = np.zeros(self.distances.shape, dtype=np.int64)
         stay = np.arange(len(total))
@@ -154,9 +149,8 @@ def _aligned(angles: np.ndarray, actions: list[np.ndarray], n_window: int) -> np
 
     All windows and actions are computed at once: beginning and end on an action are free.
     """
-    cost = np.full(
-        (max(map(len, actions)), len(angles), len(actions)), np.inf
-    )  # beyond its end, an action has no place
+    shape = max(map(len, actions)), len(angles), len(actions)
+    cost = np.full(shape, np.inf)  # beyond its end, an action has no place
     for place, action in enumerate(actions):
         cost[: len(action), :, place] = np.linalg.norm(action[:, None, :] - angles[None, :, :], axis=2)
     n_windows = len(angles) - n_window + 1

@@ -45,10 +45,6 @@ def density_coverage(
         distances: From each reference item to each generated one, shape (n, m).
         nearest_k: k, at least 1 and below n.
 
-    Raises:
-        SettingsError: If k is out of range.
-        ShapeError: If shapes do not fit or a distance is not a number of at least 0.
-
     Example:
         Reference 0, 1, 2, 3 on a line; with k = 1 each ball is 1 wide. 0.5 lies in two balls, 9 in none:
 
@@ -101,10 +97,6 @@ def grid_quality(
         high: Upper end, above `low`.
         n_cells: Cells along each dimension.
 
-    Raises:
-        ShapeError: If shapes do not fit, a value is not finite or a quality negative.
-        SettingsError: If a range is empty or `n_cells` below 1.
-
     Example:
         >>> grid_quality([[0.1], [0.2], [0.9]], [1.0, 3.0, 2.0], low=[0], high=[1], n_cells=2)
         GridQuality(qd_score=5.0, coverage=1.0, n_filled=2)
@@ -130,12 +122,8 @@ def grid_quality(
 def oracle_share(rewards: ArrayLike, oracle_rewards: ArrayLike) -> float:
     """Return what a search earned as a share of what the greedy oracle earned with as many actions; 1 is the ceiling.
 
-    Args:
-        rewards: Of each action of the search, shape (n,).
-        oracle_rewards: Of each action of the oracle (`farthest_points`), shape (n,) or longer.
-
-    Raises:
-        ShapeError: If shapes do not fit, or the oracle earned nothing.
+    `rewards` are those of each action of the search, shape (n,), `oracle_rewards` those of the oracle
+    (`farthest_points`), shape (n,) or longer. An oracle that earned nothing is a ShapeError.
 
     Example:
         >>> oracle_share([1.0, 0.0], [2.0, 2.0, 1.0])
@@ -150,12 +138,7 @@ def oracle_share(rewards: ArrayLike, oracle_rewards: ArrayLike) -> float:
 def regret(rewards: ArrayLike, oracle_rewards: ArrayLike) -> np.ndarray:
     """Return how far a search was behind the greedy oracle after each action, shape (n,); lower is better.
 
-    Args:
-        rewards: Of each action of the search, shape (n,).
-        oracle_rewards: Of each action of the oracle, shape (n,) or longer.
-
-    Raises:
-        ShapeError: If shapes do not fit.
+    The arguments are those of `oracle_share`.
 
     Example:
         >>> regret([1.0, 0.0], [2.0, 2.0, 1.0]).tolist()
@@ -197,9 +180,6 @@ def unexpectedness(distances: ArrayLike, expected: ArrayLike) -> np.ndarray:
     Args:
         distances: Of each action to what is known [rad], shape (n,), such as `Scores.novelty`.
         expected: The same of the actions that were to be expected, such as those drawn from the grid; shape (m,).
-
-    Raises:
-        ShapeError: If shapes do not fit or a distance is not a number of at least 0.
 
     Example:
         >>> unexpectedness([0.0, 2.5, 9.0], expected=[1.0, 2.0, 3.0]).tolist()

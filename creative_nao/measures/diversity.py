@@ -1,4 +1,4 @@
-"""Measures of a set of actions: novelty, diversity, the greedy oracle's choice and the Vendi score.
+"""Measures of a set of actions: novelty, diversity, Table I, the greedy oracle's choice and the Vendi score.
 
 Novelty and diversity are means over random samples of the appropriate actions, as in the paper.
 """
@@ -10,28 +10,22 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from creative_nao.errors import SettingsError, ShapeError, shown
-from creative_nao.measures.dtw import (
-    Trajectories,
-    as_numbers,
-    at_least_two,
-    count_trajectories,
-    dtw_matrix,
-    refuse_where,
-)
+from creative_nao.measures.dtw import Trajectories, as_numbers, count_trajectories, dtw_matrix, refuse_where
 from creative_nao.measures.outcome import (
     PAPER_CRITERIA,
     BasicActions,
     Criteria,
+    Scores,
     check_basic_actions,
     is_appropriate,
-)
+    score,
+)  # fmt: skip
 from creative_nao.schema import Count, Positive, checked
 
-N_SAMPLES = 30
-"""Actions in a sample, as in the paper."""
-
-N_DRAWS = 30
-"""Samples drawn, as in the paper."""
+N_SAMPLES = N_DRAWS = 30
+"""Actions in a sample, and samples drawn, as in the paper."""
+LENGTH_SCALE_RAD = 10.0
+"""Distance at which two actions are alike to 1/e: the threshold up to which an action counts as learned [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,28 +44,21 @@ class Draws:
     values: np.ndarray = field(repr=False)
     n_samples: int
 
+    @classmethod
+    def of(cls, values: np.ndarray, n_samples: int) -> Draws:
+        """Summarise the measure of each sample, shape (n_draws,)."""
+        std = float(values.std(ddof=1)) if len(values) > 1 else 0.0
+        return cls(float(values.mean()), std, values, n_samples)
+
 
 def draw_samples(
     available: np.ndarray, rng: np.random.Generator | int, n_samples: int, n_draws: int, at_least: int = 1
 ) -> np.ndarray:
-    """Draw samples of the available actions, each without repetition.
+    """Return the indices of samples of the available actions, (n_draws, n_samples or fewer), none twice in a sample.
 
-    Where fewer than `n_samples` are available, each sample holds all of them: the measure is then exact and its
-    standard deviation 0. The same seed draws the same actions for novelty and for diversity.
-
-    Args:
-        available: Whether each action may be drawn, shape (n,) of bool.
-        rng: A generator, or a seed for one.
-        n_samples: Actions in a sample.
-        n_draws: Number of samples.
-        at_least: How many available actions the measure needs to exist at all.
-
-    Returns:
-        Indices of the drawn actions, shape (n_draws, n_samples or fewer).
-
-    Raises:
-        ShapeError: If fewer than `at_least` actions are available.
-        SettingsError: If a number is below one.
+    Where fewer than `n_samples` are available (a mask of shape (n,)), each sample holds all of them: the measure is
+    then exact and its standard deviation 0. The same seed draws the same actions for novelty and for diversity.
+    Fewer than `at_least` available actions are a ShapeError.
     """
     n_samples, n_draws = checked(Count, n_samples, "n_samples"), checked(Count, n_draws, "n_draws")
     if n_samples < at_least:
@@ -82,39 +69,22 @@ def draw_samples(
             f"`trajectories` should hold at least {at_least} appropriate actions to draw from, "
             f"but {len(indices)} of {len(available)} are appropriate."
         )
-    generator = generator_of(rng)
+    generator = _generator(rng)
     size = min(n_samples, len(indices))
     return np.array([np.sort(generator.choice(indices, size=size, replace=False)) for _ in range(n_draws)])
 
 
-def generator_of(rng: np.random.Generator | int) -> np.random.Generator:
-    """Return a generator, or one made from a seed.
-
-    Raises:
-        SettingsError: If it is neither.
-    """
+def _generator(rng: np.random.Generator | int) -> np.random.Generator:
     try:
         return np.random.default_rng(rng)
     except (TypeError, ValueError):
         raise SettingsError(f"`rng` should be a generator of NumPy or a seed, but is {shown(rng)}.") from None
 
 
-def summarise(values: np.ndarray, n_samples: int) -> Draws:
-    """Join the measure of each sample, shape (n_draws,), into its mean and spread."""
-    std = float(values.std(ddof=1)) if len(values) > 1 else 0.0
-    return Draws(float(values.mean()), std, values, n_samples)
-
-
-def allowed_actions(
+def _allowed(
     trajectories: Trajectories, demos: BasicActions | None, criteria: Criteria, appropriate: np.ndarray | None
 ) -> np.ndarray:
-    """Return which actions a measure may use, shape (n,) of bool.
-
-    That is `appropriate` if it is known; else it is worked out from the basic actions, or is all without them.
-
-    Raises:
-        ShapeError: If the mask does not say yes or no for each trajectory, or shapes do not fit.
-    """
+    """Return which actions count, shape (n,) of bool: the given ones, else the appropriate ones, without demos all."""
     if appropriate is None and demos is not None:
         return is_appropriate(trajectories, demos, criteria)
     n = count_trajectories(trajectories)
@@ -137,37 +107,24 @@ def novelty(
     criteria: Criteria = PAPER_CRITERIA,
     appropriate: np.ndarray | None = None,
 ) -> Draws:
-    """Return the paper's novelty: the mean distance of randomly drawn actions to the nearest basic action, repeated.
+    """Return the paper's novelty [rad]: mean distance of `n_samples` random actions to the nearest basic action.
 
-    Only appropriate actions are drawn; the others count as filtered out.
-
-    Args:
-        trajectories: A list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array [rad].
-        demos: The basic actions.
-        rng: A generator, or a seed for one.
-        n_samples: Actions in a sample; where fewer are appropriate, all of them.
-        n_draws: Number of samples.
-        criteria: What makes an action appropriate.
-        appropriate: Which actions are, shape (n,) of bool, if already known; else it is worked out.
+    It is repeated `n_draws` times. Only appropriate actions are drawn, all of them where they are fewer.
 
     Raises:
         ShapeError: If no action is appropriate, or shapes do not fit.
     """
     check_basic_actions(demos)
-    allowed = allowed_actions(trajectories, demos, criteria, appropriate)
+    allowed = _allowed(trajectories, demos, criteria, appropriate)
     samples = draw_samples(allowed, rng, n_samples, n_draws)
     drawn, place = np.unique(samples, return_inverse=True)
     nearest = dtw_matrix([trajectories[k] for k in drawn], list(demos.trajectories)).min(axis=1)
-    return summarise(nearest[place].reshape(samples.shape).mean(axis=1), samples.shape[1])
+    return Draws.of(nearest[place].reshape(samples.shape).mean(axis=1), samples.shape[1])
 
 
 def mean_pairwise_distance(trajectories: Trajectories) -> float:
-    """Return the mean distance over all pairs of different trajectories [rad].
-
-    Raises:
-        ShapeError: If there are fewer than two.
-    """
-    at_least_two(trajectories)
+    """Return the mean distance over all pairs of at least two different trajectories [rad]."""
+    count_trajectories(trajectories, least=2)
     distances = dtw_matrix(trajectories)
     return float(distances[np.triu_indices(len(distances), k=1)].mean())
 
@@ -188,24 +145,73 @@ def diversity(
     criteria: Criteria = PAPER_CRITERIA,
     appropriate: np.ndarray | None = None,
 ) -> Draws:
-    """Return the paper's diversity: the mean distance between randomly drawn actions, repeated.
+    """Return the paper's diversity [rad]: the mean distance between `n_samples` random actions, two or more.
 
-    Args:
-        trajectories: A list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array [rad].
-        demos: The basic actions; with them only appropriate actions are drawn, without them every action may be.
-        rng: A generator, or a seed for one.
-        n_samples: Actions in a sample, at least two; where fewer are available, all of them.
-        n_draws: Number of samples.
-        criteria: What makes an action appropriate.
-        appropriate: Which actions are, shape (n,) of bool, if already known.
+    It is repeated `n_draws` times. With `demos` only appropriate actions are drawn, without them every action may be;
+    all are drawn where they are fewer.
 
     Raises:
         ShapeError: If fewer than two actions are available, or shapes do not fit.
     """
-    allowed = allowed_actions(trajectories, demos, criteria, appropriate)
+    allowed = _allowed(trajectories, demos, criteria, appropriate)
     samples = draw_samples(allowed, rng, n_samples, n_draws, at_least=2)
     values = np.array([mean_pairwise_distance([trajectories[k] for k in sample]) for sample in samples])
-    return summarise(values, samples.shape[1])
+    return Draws.of(values, samples.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The figures of the paper's Table I for one set of actions.
+
+    Attributes:
+        unlearned_pct: Share that is appropriate and far from every basic action [%].
+        learned_pct: Share that is appropriate and close to one [%].
+        appropriate_pct: Their sum [%].
+        fluctuating_pct: Share that is too fast [%].
+        non_moving_pct: Share that stands still [%].
+        novelty: Distance to the nearest basic action over random samples [rad]; None without an appropriate action.
+        diversity: Distance between actions over random samples [rad]; None with fewer than two appropriate actions.
+        n_trajectories: Size of the set.
+    """
+
+    unlearned_pct: float
+    learned_pct: float
+    appropriate_pct: float
+    fluctuating_pct: float
+    non_moving_pct: float
+    novelty: Draws | None
+    diversity: Draws | None
+    n_trajectories: int
+
+
+def table(
+    trajectories: Trajectories,
+    demos: BasicActions,
+    *,
+    rng: np.random.Generator | int = 0,
+    n_samples: int = N_SAMPLES,
+    n_draws: int = N_DRAWS,
+    criteria: Criteria = PAPER_CRITERIA,
+    scores: Scores | None = None,
+) -> Table:
+    """Return the figures of Table I; novelty draws first.
+
+    `scores` are what `score` said of the same trajectories and criteria, if already known.
+    """
+    scores = score(trajectories, demos, criteria) if scores is None else scores
+    generator = _generator(rng)
+    n_appropriate = int(scores.appropriate.sum())
+    how = {"rng": generator, "n_samples": n_samples, "n_draws": n_draws, "appropriate": scores.appropriate}
+    return Table(
+        unlearned_pct=scores.share_pct("unlearned"),
+        learned_pct=scores.share_pct("learned"),
+        appropriate_pct=100.0 * n_appropriate / len(scores) if len(scores) else float("nan"),
+        fluctuating_pct=scores.share_pct("fluctuating"),
+        non_moving_pct=scores.share_pct("non_moving"),
+        novelty=novelty(trajectories, demos, **how) if n_appropriate else None,
+        diversity=diversity(trajectories, demos, **how) if n_appropriate > 1 else None,
+        n_trajectories=len(scores),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,24 +242,13 @@ def farthest_points(
 ) -> FarthestPoints:
     """Choose actions greedily, each the farthest from the basic actions and from those chosen before (the oracle).
 
-    The choice is exact: each pick costs one column of distances, from every candidate to the action picked last.
-    Of equally far ones the first is taken. Greedy is not the best possible set, but no order of single choices that
-    looks one step ahead earns more at any step.
-
-    Args:
-        trajectories: A list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array [rad].
-        demos: The basic actions.
-        n_actions: How many to choose; fewer are returned where fewer are appropriate.
-        appropriate: Which may be chosen, shape (n,) of bool; worked out when None.
-        criteria: What makes an action appropriate.
-
-    Raises:
-        ShapeError: If the mask does not fit or shapes do not.
-        SettingsError: If `n_actions` is below one.
+    Fewer than `n_actions` are returned where fewer are appropriate. The choice is exact: each pick costs one column of
+    distances, from every candidate to the action picked last; of equally far ones the first is taken. Greedy is not the
+    best possible set, but no order of single choices that looks one step ahead earns more at any step.
     """
     n_actions = checked(Count, n_actions, "n_actions")
     check_basic_actions(demos)
-    candidates = np.flatnonzero(allowed_actions(trajectories, demos, criteria, appropriate))
+    candidates = np.flatnonzero(_allowed(trajectories, demos, criteria, appropriate))
     if isinstance(trajectories, np.ndarray):
         pool: Trajectories = trajectories[candidates]
     else:
@@ -273,19 +268,12 @@ def farthest_points(
     return FarthestPoints(candidates[chosen], np.array(rewards))
 
 
-LENGTH_SCALE_RAD = 10.0
-"""Distance at which two actions are alike to 1/e: the threshold up to which an action counts as learned [rad]."""
-
-
 def vendi_score(similarity: np.ndarray) -> float:
-    """Return the effective number of different items (Friedman and Dieng 2023, arXiv:2210.02410).
+    """Return the effective number of different items, 1 (all alike) to n (Friedman and Dieng 2023, arXiv:2210.02410).
 
-    The exponential of the Shannon entropy of the eigenvalues of K / n. From 1 (all alike) to n (nothing in common);
-    more is more diverse. A similarity that is no kernel, as one made of warping distances need not be, has a few
-    negative eigenvalues; they count as 0, and the others are brought back to the sum 1.
-
-    Args:
-        similarity: K, shape (n, n), symmetric, 1 on the diagonal.
+    The exponential of the Shannon entropy of the eigenvalues of K / n; K is `similarity`, shape (n, n), symmetric, 1 on
+    the diagonal. One that is no kernel, as one made of warping distances need not be, has a few negative eigenvalues;
+    they count as 0, and the others are brought back to the sum 1.
 
     Raises:
         ShapeError: If it is no such matrix.
@@ -312,14 +300,5 @@ def vendi_score(similarity: np.ndarray) -> float:
 
 
 def dtw_similarity(trajectories: Trajectories, length_scale_rad: float = LENGTH_SCALE_RAD) -> np.ndarray:
-    """Return how alike trajectories are, exp(-distance / length scale), shape (n, n) in (0, 1].
-
-    Args:
-        trajectories: A list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array [rad].
-        length_scale_rad: Distance at which two are alike to 1/e [rad].
-
-    Raises:
-        SettingsError: If the length scale is not above 0.
-        ShapeError: If shapes do not fit.
-    """
+    """Return how alike trajectories are, exp(-distance / `length_scale_rad`), shape (n, n) in (0, 1]."""
     return np.exp(-dtw_matrix(trajectories) / checked(Positive, length_scale_rad, "length_scale_rad"))

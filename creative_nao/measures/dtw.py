@@ -35,66 +35,36 @@ _threads_started_in: int | None = None
 
 
 def as_numbers(values: object, name: str) -> np.ndarray:
-    """Return an argument as an array of float64.
-
-    Raises:
-        ShapeError: If it holds anything but numbers; the message names the argument.
-    """
+    """Return an argument as an array of float64; anything but numbers is a ShapeError."""
     found = _as_array(values)
     if found.dtype.kind not in "fiub" or isinstance(values, np.ma.MaskedArray):
         raise ShapeError(f"`{name}` should be an array of numbers, but is {shown(values)}.")
     return found.astype(np.float64, copy=False)
 
 
-def count_trajectories(series: Trajectories, name: str = "trajectories") -> int:
-    """Return how many trajectories there are.
-
-    Raises:
-        ShapeError: If the argument is neither a list nor an array.
-    """
+def count_trajectories(series: Trajectories, name: str = "trajectories", least: int = 0) -> int:
+    """Return how many trajectories there are; what is no list or array of them, or too few, is a ShapeError."""
     if not (isinstance(series, Sequence) or (isinstance(series, np.ndarray) and series.ndim)):
         raise ShapeError(
             f"`{name}` should be a list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array, "
             f"but is {shown(series)}."
         )
+    if len(series) < least:
+        raise ShapeError(f"`{name}` should hold at least {least} actions, but holds {len(series)}.")
     return len(series)
 
 
-def at_least_two(trajectories: Trajectories) -> int:
-    """Return how many trajectories there are.
-
-    Raises:
-        ShapeError: If there are fewer than two.
-    """
-    n = count_trajectories(trajectories)
-    if n < 2:
-        raise ShapeError(f"`trajectories` should hold at least two actions, but holds {n}.")
-    return n
-
-
 def refuse_where(wrong: np.ndarray, values: np.ndarray, name: str, expected: str) -> None:
-    """Refuse an array some of whose values are wrong; where none is, nothing happens.
-
-    Args:
-        wrong: Whether each value is wrong, of bool, shape of `values`.
-        values: The array.
-        name: The argument that it was given as.
-        expected: What it should hold.
-
-    Raises:
-        ShapeError: Naming the argument, what was expected, and the first wrong value with its place.
-    """
+    """Refuse an argument if any of its values is `wrong`: the ShapeError names the first with its place."""
     if wrong.any():
         place = np.argwhere(wrong)[0].tolist()
         raise ShapeError(f"`{name}` should hold {expected}, but is {values[tuple(place)]} at {place}.")
 
 
 def dtw(a: ArrayLike, b: ArrayLike) -> float:
-    """Return the distance of two trajectories in the unit of their values; the module's text defines it.
+    """Return the distance of a (n_steps_a, n_joints) to b (n_steps_b, n_joints) in the unit of their values.
 
-    Args:
-        a: Shape (n_steps_a, n_joints).
-        b: Shape (n_steps_b, n_joints).
+    The module's text defines it.
 
     Raises:
         ShapeError: If one is not such an array, is empty or holds NaN or infinity, or their joints do not match.
@@ -121,7 +91,7 @@ def dtw_matrix(list_a: Trajectories, list_b: Trajectories | None = None, dtype: 
         dtype: float64 or float32, for arithmetic and result.
 
     Returns:
-        Distances, shape (len_a, len_b).
+        Distances, shape (len_a, len_b), in the unit of the values.
 
     Raises:
         ShapeError: If a trajectory is not such an array, is empty or holds NaN or infinity, or joints do not match.
@@ -249,7 +219,7 @@ def _as_array(values: object) -> np.ndarray:
 def dtw_pairs(
     trajectories: np.ndarray, first: ArrayLike, second: ArrayLike, dtype: DTypeLike = np.float64
 ) -> np.ndarray:
-    """Return the distance of pair after pair, the same bits as `dtw` gives one at a time.
+    """Return the distance of pair after pair, shape (n_pairs,), the same bits as `dtw` gives one at a time.
 
     A matrix of all distances of a map of 40,000 would need 12 GB; its 80,000 pairs of neighbours take half a second.
 
@@ -259,12 +229,8 @@ def dtw_pairs(
         second: Which is the second.
         dtype: float64 or float32, for arithmetic and result.
 
-    Returns:
-        Shape (n_pairs,).
-
     Raises:
         ShapeError: If shapes do not fit, a place is outside the trajectories, or a value is not finite.
-        SettingsError: If `dtype` is something else.
     """
     kind = _arithmetic(dtype)
     series = _as_array(trajectories)
@@ -282,33 +248,22 @@ def dtw_pairs(
 
 def _places(given: ArrayLike, name: str, n: int) -> np.ndarray:
     places = _as_array(given)
-    if places.dtype.kind == "f" and not places.size:  # an empty list
+    if not places.size and places.dtype.kind == "f":  # an empty list
         places = places.astype(np.int64)
     if places.ndim != 1 or places.dtype.kind not in "iu":
         raise ShapeError(
             f"`{name}` should be a list of places in `trajectories`, but has shape {places.shape} and type "
             f"{places.dtype}."
         )
-    if places.size and not (places.min() >= 0 and places.max() < n):
-        raise ShapeError(
-            f"`{name}` should hold places from 0 to {n - 1}, but reaches from {places.min()} to {places.max()}."
-        )
+    refuse_where((places < 0) | (places >= n), places, name, f"places from 0 to {n - 1}")
     return places.astype(np.int64)
 
 
 def cumulative_cost(a: ArrayLike, b: ArrayLike) -> list[list[float]]:
     """Return the cost of the best path to every pair of postures, in plain Python: slow, obvious, the definition.
 
-    Args:
-        a: Shape (n, n_joints).
-        b: Shape (m, n_joints).
-
-    Returns:
-        A table of n + 1 rows and m + 1 columns. Entry (i, j) is the distance of the first i postures of `a` to the
-        first j of `b`, so the last one is `dtw(a, b)`; (0, 0) is 0, and all else that begins outside is infinite.
-
-    Raises:
-        ShapeError: If shapes do not fit.
+    Entry (i, j) of the table, n + 1 rows and m + 1 columns, is the distance of the first i postures of a (n, n_joints)
+    to the first j of b (m, n_joints), so the last one is `dtw(a, b)`; (0, 0) is 0, what begins outside is infinite.
     """
     one, other = as_numbers(a, "a"), as_numbers(b, "b")
     if one.ndim != 2 or other.ndim != 2 or one.shape[1] != other.shape[1] or not len(one) or not len(other):
@@ -325,19 +280,10 @@ def cumulative_cost(a: ArrayLike, b: ArrayLike) -> list[list[float]]:
 
 
 def warping_path(a: ArrayLike, b: ArrayLike) -> np.ndarray:
-    """Return the best alignment of two trajectories, whose cost is `dtw(a, b)`.
+    """Return the best alignment of a (n, n_joints) and b (m, n_joints), whose cost is `dtw(a, b)`.
 
-    Of equally good steps the diagonal one is taken, then one along `a`.
-
-    Args:
-        a: Shape (n, n_joints) [rad].
-        b: Shape (m, n_joints) [rad].
-
-    Returns:
-        Pairs of steps from (0, 0) to (n - 1, m - 1), shape (length, 2) of int.
-
-    Raises:
-        ShapeError: If shapes do not fit.
+    These are pairs of steps from (0, 0) to (n - 1, m - 1), shape (length, 2) of int. Of equally good steps the diagonal
+    one is taken, then one along `a`. Shapes that do not fit are a ShapeError.
     """
     best = cumulative_cost(a, b)
     n, m = len(best) - 1, len(best[0]) - 1
@@ -356,9 +302,6 @@ def warping(a: ArrayLike, b: ArrayLike) -> float:
     0: the same things happen at the same share of the time; larger: earlier or later. Our own definition: the mean,
     along `warping_path`, of |i / (n - 1) - j / (m - 1)|; a trajectory of one step counts as 0.
 
-    Raises:
-        ShapeError: If shapes do not fit.
-
     Example:
         The same rise, once at the beginning and once at the end of five steps:
 
@@ -373,10 +316,6 @@ def warping(a: ArrayLike, b: ArrayLike) -> float:
 
 
 def warping_diversity(trajectories: Trajectories) -> float:
-    """Return the mean `warping` over all pairs, in [0, 1): how much a set varies in timing; higher is more.
-
-    Raises:
-        ShapeError: If there are fewer than two trajectories, or shapes do not fit.
-    """
-    n = at_least_two(trajectories)
+    """Return the mean `warping` over all pairs of two or more, in [0, 1): how much a set varies in timing."""
+    n = count_trajectories(trajectories, least=2)
     return float(np.mean([warping(trajectories[i], trajectories[j]) for i in range(n) for j in range(i)]))

@@ -1,7 +1,8 @@
 """The outcome of each generated action: learned, unlearned, fluctuating, non-moving or refused by the body.
 
 `outcome_codes` holds the one order in which these are decided, for measures, maps and environments alike. What it asks
-for is measured here with NumPy; `_outcome_kernel.py` is the compiled twin, with the same bits, for the environments.
+for is measured here with NumPy; `_dtw_kernels.measure_rows` is the compiled twin, for the environments, with the same
+bits.
 """
 
 from __future__ import annotations
@@ -105,20 +106,16 @@ def outcome_codes(
 def largest_speeds(trajectories: Trajectories, dt_s: float) -> np.ndarray:
     """Return the largest speed of each joint in each trajectory [rad/s], shape (n, n_joints).
 
-    Speed is the change between two postures divided by the time between them; a single posture has none.
-
-    Args:
-        trajectories: A list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array [rad].
-        dt_s: Time from one posture to the next [s].
+    Speed is the change between two postures divided by the time between them, `dt_s` [s]; a single posture has none.
     """
     dt_s = checked(Positive, dt_s, "dt_s")
-    changes = [np.abs(np.diff(block, axis=1)).max(axis=1, initial=0.0) for block in _blocks(trajectories)]
+    changes = [np.abs(np.diff(block, axis=1)).max(axis=1, initial=0.0) for _, block in _blocks(trajectories)]
     return np.concatenate(changes) / dt_s if changes else np.zeros((0, 0))
 
 
 def excursions(trajectories: Trajectories) -> np.ndarray:
     """Return how far the most moving joint of each trajectory travels, from end to end [rad], shape (n,)."""
-    ranges = [np.ptp(block, axis=1).max(axis=1) for block in _blocks(trajectories)]
+    ranges = [np.ptp(block, axis=1).max(axis=1) for _, block in _blocks(trajectories)]
     return np.concatenate(ranges) if ranges else np.zeros(0)
 
 
@@ -151,27 +148,13 @@ def is_non_moving(trajectories: Trajectories, demos: BasicActions, criteria: Cri
 
 
 def is_appropriate(trajectories: Trajectories, demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> np.ndarray:
-    """Return for each trajectory whether it neither fluctuates nor stands still, shape (n,) of bool.
-
-    Args:
-        trajectories: A list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array [rad], at the tick of
-            `demos`.
-        demos: The basic actions.
-        criteria: Where the lines are drawn.
-
-    Raises:
-        ShapeError: If the joints of the two do not match or an angle is not finite.
-    """
+    """Return for each trajectory whether it neither fluctuates nor stands still, shape (n,) of bool."""
     check_same_joints(trajectories, demos)
     return ~(is_fluctuating(trajectories, demos, criteria) | is_non_moving(trajectories, demos, criteria))
 
 
 def check_basic_actions(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA) -> None:
-    """Refuse what is no set of basic actions, or no criteria.
-
-    Raises:
-        SettingsError: If trajectories or their tick are lacking, or `criteria` is something else.
-    """
+    """Refuse what is no set of basic actions, or no criteria, with a SettingsError."""
     if not isinstance(criteria, Criteria):
         raise SettingsError(f"`criteria` should be `Criteria(...)`, but is a {type(criteria).__name__}.")
     if not (hasattr(demos, "trajectories") and hasattr(demos, "dt_s")):
@@ -182,11 +165,7 @@ def check_basic_actions(demos: BasicActions, criteria: Criteria = PAPER_CRITERIA
 
 
 def check_same_joints(trajectories: Trajectories, demos: BasicActions) -> None:
-    """Refuse trajectories that are not arrays of the basic actions' joints, with the place of the first fault.
-
-    Raises:
-        ShapeError: Naming the trajectory, the shape expected and the shape found.
-    """
+    """Refuse trajectories that are not finite arrays of the basic actions' joints: the ShapeError tells where."""
     check_basic_actions(demos)
     n_joints = demos.trajectories[0].shape[1]
     n = count_trajectories(trajectories)
@@ -200,17 +179,13 @@ def check_same_joints(trajectories: Trajectories, demos: BasicActions) -> None:
                 f"`trajectories[{place}]` should have shape (n_steps, {n_joints}), the joints of the basic actions, "
                 f"but has {tuple(shape)}."
             )
-    for start, block in _numbered_blocks(trajectories):
+    for start, block in _blocks(trajectories):
         if not np.isfinite(block).all():
             place, step, joint = np.argwhere(~np.isfinite(block))[0]
             raise ShapeError(f"`trajectories[{start + place}]` is not finite at step {step}, joint {joint}.")
 
 
-def _blocks(trajectories: Trajectories) -> Iterator[np.ndarray]:
-    return (block for _, block in _numbered_blocks(trajectories))
-
-
-def _numbered_blocks(trajectories: Trajectories) -> Iterator[tuple[int, np.ndarray]]:
+def _blocks(trajectories: Trajectories) -> Iterator[tuple[int, np.ndarray]]:
     """Yield the trajectories as (start, (n, n_steps, n_joints) float64) in order, as many together as is handy."""
     n = count_trajectories(trajectories)
     if isinstance(trajectories, np.ndarray):
@@ -261,15 +236,8 @@ def score(
     """Score trajectories against the basic actions.
 
     A trajectory gets the same scores alone, in a map of 40,000 and in any piece of that map. Memory beside the input is
-    bounded by the block size and the result.
-
-    Args:
-        trajectories: A list of (n_steps, n_joints) arrays, whose lengths may differ, or one (n, n_steps, n_joints)
-            array [rad], at the tick of `demos`. One alone is `trajectory[None]`.
-        demos: The basic actions: anything with `.trajectories` and `.dt_s`.
-        criteria: Where the lines between the outcomes are drawn.
-        dtype: Arithmetic of the distances. float32 saves a third of the time on large maps; a distance that equals the
-            threshold to seven digits may then fall on its other side.
+    bounded by the block size and the result. With `dtype` float32 the distances of large maps take two thirds of the
+    time; one that equals the threshold to seven digits may then fall on its other side.
 
     Raises:
         ShapeError: If a trajectory does not have the joints of the basic actions or is not finite.

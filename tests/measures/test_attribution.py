@@ -117,5 +117,5 @@ def test_a_bad_trajectory_is_named(taught, trajectory, message):
 def test_bad_settings_are_named(taught):
     with pytest.raises(SettingsError, match=r"`window_s` should be at least two ticks, 0.2 s, but is 0.1"):
         attribution(taught.trajectories[0], taught, window_s=0.1)
-    with pytest.raises(SettingsError, match="`switch_cost` should be 0 or more, but is -1"):
+    with pytest.raises(SettingsError, match="`switch_cost` should be at least 0, but is -1"):
         attribution(taught.trajectories[0], taught).stretches(-1)

@@ -122,7 +122,7 @@ def test_actions_thrown_at_other_times_are_diverse_in_timing():
     early, late = (np.repeat([0.0, 1.0], lengths)[:, None] for lengths in ([4, 16], [10, 10]))
     assert warping_diversity([early, late]) > 0.05
     assert warping_diversity([late, late]) == 0.0
-    with pytest.raises(ShapeError, match="at least two actions, but holds 1"):
+    with pytest.raises(ShapeError, match="at least 2 actions, but holds 1"):
         warping_diversity([late])
 
 

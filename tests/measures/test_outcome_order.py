@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from creative_nao.measures._outcome_kernel import measure_rows
+from creative_nao.measures._dtw_kernels import measure_rows
 from creative_nao.measures.outcome import (
     ALL_OUTCOMES,
     NO_FAULT,

@@ -31,8 +31,8 @@ def test_whole_numbers_are_numbers():
     [
         ((np.zeros((2, 3)), [0], [1]), r"`trajectories` should be .* but has shape \(2, 3\)"),
         ((np.full((2, 3, 1), np.nan), [0], [1]), "finite values"),
-        ((np.zeros((2, 3, 1)), [0], [2]), "`second` should hold places from 0 to 1, but reaches from 2 to 2"),
-        ((np.zeros((2, 3, 1)), [-1], [1]), "`first` should hold places from 0 to 1, but reaches from -1 to -1"),
+        ((np.zeros((2, 3, 1)), [0], [2]), "`second` should hold places from 0 to 1, but is 2 at"),
+        ((np.zeros((2, 3, 1)), [-1], [1]), "`first` should hold places from 0 to 1, but is -1 at"),
         ((np.zeros((2, 3, 1)), [0.5], [1]), r"`first` should be a list of places .* float64"),
         ((np.zeros((2, 3, 1)), [0, 1], [1]), "`second` should be as long as `first`, 2, but has 1 places"),
     ],
