@@ -16,8 +16,7 @@ import tyro
 from creative_nao.cli.terminal import print_result
 from creative_nao.demonstrations import load_trajectory
 from creative_nao.errors import SettingsError
-from creative_nao.maps.colours import INK, action_colour, action_letter
-from creative_nao.maps.figure_style import write_figure
+from creative_nao.maps.figure_style import INK, action_colour, action_letter, write_figure
 from creative_nao.measures import score
 from creative_nao.model import load_memory
 

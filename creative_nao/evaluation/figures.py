@@ -24,8 +24,7 @@ from creative_nao.evaluation.results import Measured
 from creative_nao.evaluation.suites import Suite
 from creative_nao.joints import JOINTS
 from creative_nao.maps import PBMap
-from creative_nao.maps.colours import INK
-from creative_nao.maps.figure_style import figure, save, styled
+from creative_nao.maps.figure_style import INK, figure, save, styled
 from creative_nao.maps.picture import draw_on, legend_handles
 from creative_nao.model import Memory, load_memory
 

@@ -17,8 +17,7 @@ from creative_nao.evaluation.protocol import Episode
 from creative_nao.evaluation.results import Entry, Measured
 from creative_nao.evaluation.suites import Suite
 from creative_nao.evaluation.tables import env_label
-from creative_nao.maps.colours import BLUE, FAINT, GREEN, INK, ORANGE, OUTCOME_COLOURS
-from creative_nao.maps.figure_style import figure
+from creative_nao.maps.figure_style import BLUE, FAINT, GREEN, INK, ORANGE, OUTCOME_COLOURS, figure
 
 AGENTS = {
     "supervised": BLUE,

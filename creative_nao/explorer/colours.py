@@ -19,7 +19,7 @@ from creative_nao.errors import NotFoundError, nearest_name
 from creative_nao.explorer.memory_service import BODY_WORDS, OUTCOME_WORDS, spoken
 from creative_nao.explorer.view import View
 from creative_nao.maps import COLOURINGS, PBMap, colour_values
-from creative_nao.maps.colours import INK, PAPER_WHITE, UNUSABLE, action_colour, action_letter, rgb
+from creative_nao.maps.figure_style import INK, PAPER_WHITE, UNUSABLE, action_colour, action_letter, rgb
 from creative_nao.maps.picture import MEASURE_COLOURS, map_image, measure_image, measure_span
 from creative_nao.measures import OUTCOMES, score, unexpectedness
 from creative_nao.model import Memory

@@ -33,7 +33,7 @@ from creative_nao.explorer.memory_service import (
 )
 from creative_nao.joints import JOINTS, MAX_SPEED_RAD_S, MIRROR_SIGN, N_JOINTS, limits
 from creative_nao.maps import PBMap
-from creative_nao.maps.colours import action_letter
+from creative_nao.maps.figure_style import action_letter
 from creative_nao.maps.picture import map_image
 from creative_nao.measures import Criteria, dtw_matrix
 from creative_nao.storage import as_json

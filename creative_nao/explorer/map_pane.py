@@ -34,7 +34,7 @@ from creative_nao.explorer.colours import (
 from creative_nao.explorer.memory_service import BODY_WORDS, OUTCOME_WORDS, spoken
 from creative_nao.explorer.registry import LoadedMemory
 from creative_nao.explorer.view import SIZE, View, cell_of
-from creative_nao.maps.colours import INK, action_letter, rgb
+from creative_nao.maps.figure_style import INK, action_letter, rgb
 
 
 class Mark(NamedTuple):

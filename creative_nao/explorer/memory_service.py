@@ -12,7 +12,7 @@ import numpy as np
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.joints import JOINTS, LIMITS_RAD
 from creative_nao.maps import PBMap
-from creative_nao.maps.colours import action_colour, action_letter, rgb
+from creative_nao.maps.figure_style import action_colour, action_letter, rgb
 from creative_nao.measures import Attribution, Stretch, attribution, excursion_limit, excursions, score, speed_limits
 from creative_nao.measures.attribution import WINDOW_S
 from creative_nao.measures.outcome import APPROPRIATE

@@ -19,7 +19,7 @@ from creative_nao.explorer.memory_service import MemoryService, Recall, less_lik
 from creative_nao.explorer.state import MAX_NOTE, Favourite
 from creative_nao.explorer.tab import Tab
 from creative_nao.joints import JOINTS
-from creative_nao.maps.colours import action_colour
+from creative_nao.maps.figure_style import action_colour
 
 WIDTH, HEIGHT = 96, 56
 

@@ -42,7 +42,7 @@ from creative_nao.explorer.registry import cached_map
 from creative_nao.explorer.view import SIZE, View
 from creative_nao.joints import LIMITS_RAD
 from creative_nao.maps import PAPER_RESOLUTION, PBMap
-from creative_nao.maps.colours import INK, UNUSABLE, rgb
+from creative_nao.maps.figure_style import INK, UNUSABLE, rgb
 from creative_nao.maps.picture import MEASURE_COLOURS
 from creative_nao.measures import Criteria, excursion_limit
 from creative_nao.model import Memory

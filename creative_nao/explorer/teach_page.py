@@ -29,7 +29,7 @@ from creative_nao.explorer.physics_service import angles_message, player_control
 from creative_nao.explorer.tab import AppState
 from creative_nao.explorer.teach_training import TrainingPanel, TrainingSessions
 from creative_nao.joints import JOINTS, limits
-from creative_nao.maps.colours import action_colour, action_letter
+from creative_nao.maps.figure_style import action_colour, action_letter
 
 _ARMS = (("Left arm", (4, 5, 6, 7)), ("Right arm", (0, 1, 2, 3)))
 _PARTS = ("Shoulder pitch", "Shoulder roll", "Elbow yaw", "Elbow roll")

@@ -22,7 +22,7 @@ from creative_nao.explorer.memory_service import spoken
 from creative_nao.explorer.registry import MemoryRegistry
 from creative_nao.explorer.tab import AppState
 from creative_nao.maps import PBMap, pb_map
-from creative_nao.maps.colours import action_letter
+from creative_nao.maps.figure_style import action_letter
 from creative_nao.measures import Criteria
 from creative_nao.model import Memory, NetworkSettings, TrainingSettings
 from creative_nao.model.encoding import encoding_of

@@ -7,22 +7,11 @@
 - `pb_grid`, `nearest_cell`: the points of the grid.
 """
 
-from creative_nao.maps.grid import PAPER_RESOLUTION, nearest_cell, pb_grid
-from creative_nao.maps.landscape import Landscape, landscape
+from creative_nao.maps.grid import PAPER_RESOLUTION, Landscape, landscape, nearest_cell, pb_grid
 from creative_nao.maps.map import PBMap, PBSlice, pb_map, pb_slice
 from creative_nao.maps.picture import COLOURINGS, check_colour, colour_values
 
 __all__ = [
-    "COLOURINGS",
-    "PAPER_RESOLUTION",
-    "Landscape",
-    "PBMap",
-    "PBSlice",
-    "check_colour",
-    "colour_values",
-    "landscape",
-    "nearest_cell",
-    "pb_grid",
-    "pb_map",
-    "pb_slice",
-]
+    "COLOURINGS", "PAPER_RESOLUTION", "Landscape", "PBMap", "PBSlice", "check_colour", "colour_values", "landscape",
+    "nearest_cell", "pb_grid", "pb_map", "pb_slice",
+]  # fmt: skip

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from creative_nao.arrays import load_tensors, npz_header, only_arrays, read_npz, save_tensors, take
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError, shown
 from creative_nao.maps.figure_style import write_figure
-from creative_nao.maps.grid import PAPER_RESOLUTION, pb_grid
-from creative_nao.maps.picture import GridMap, draw_map
+from creative_nao.maps.grid import PAPER_RESOLUTION, GridMap, pb_grid
+from creative_nao.maps.picture import draw_map
 from creative_nao.measures import OUTCOMES, Criteria, score
 from creative_nao.measures.dtw import as_numbers
 from creative_nao.model import Memory
@@ -59,32 +59,7 @@ class MapHeader:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PBMap(GridMap):
-    """A scored grid over the PB space of a memory.
-
-    Attributes:
-        resolution: Points along each axis; there are n = resolution^2.
-        pb: The points, shape (n, 2), in the order of `pb_grid`.
-        outcome: `learned`, `unlearned`, `fluctuating` or `non_moving` each, shape (n,) of str.
-        nearest: Which basic action each is nearest to, shape (n,) of int.
-        distance: DTW distance to it [rad], shape (n,).
-        learned_pb: Where the basic actions themselves lie, shape (n_actions, 2).
-        names: Names of the basic actions.
-        record: Memory, settings and versions that made the map.
-        trajectories: What the network generates at each point [rad], shape (n, n_steps, n_joints); None in a map read
-            from a file, since the memory gives the same bits again.
-        dt_s: Tick of the trajectories [s]; None in a map read from a file.
-    """
-
-    resolution: int
-    pb: np.ndarray
-    outcome: np.ndarray
-    nearest: np.ndarray
-    distance: np.ndarray
-    learned_pb: np.ndarray
-    names: tuple[str, ...]
-    record: dict[str, Any]
-    trajectories: np.ndarray | None = None
-    dt_s: float | None = None
+    """A scored grid over the PB space of a memory: a `GridMap` that can be saved, read back and drawn."""
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the map, without trajectories, in one step and return its path.
@@ -108,12 +83,7 @@ class PBMap(GridMap):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> PBMap:
-        """Read a map back.
-
-        Raises:
-            NotFoundError: If there is no such file.
-            FileFormatError: If it is torn or foreign; the message names the part.
-        """
+        """Read a map back; a torn or foreign file is a FileFormatError that names the part."""
         source = Path(path)
         if not source.is_file():
             raise NotFoundError(f"no PB map at {source}; make one with `creative-nao map MEMORY --out {source}`")
@@ -139,17 +109,22 @@ class PBMap(GridMap):
             record=header.record,
         )
 
+    def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
+        """Draw the map and return the matplotlib figure; the options are those of `draw_map`: ``colour="speed"``."""
+        return draw_map(self, path, **options)
+
+    def _repr_png_(self) -> bytes:
+        """Return the picture that a notebook shows."""
+        stream = io.BytesIO()
+        self.plot().savefig(stream, format="png", dpi=90)
+        return stream.getvalue()
+
 
 def pb_map(memory: Memory, resolution: int = PAPER_RESOLUTION, criteria: Criteria | None = None) -> PBMap:
-    """Generate and score a whole grid of PB points.
-
-    Args:
-        memory: A memory with two PB units.
-        resolution: Points along each axis; the paper has 200.
-        criteria: Where the lines between the outcomes are drawn; default: the paper's.
+    """Generate and score a grid of `resolution` x `resolution` PB points, by default by the criteria of the paper.
 
     Raises:
-        SettingsError: If the memory does not have two PB units or `resolution` is below 2.
+        SettingsError: If the memory does not have two PB units, or `resolution` is below 2 or above 4000.
     """
     if (n_pb := _pb_units(memory)) != 2:
         hint = "; `pb_slice` maps two of them" if n_pb > 2 else ""

@@ -1,23 +1,19 @@
-"""A scored grid over the PB space and its picture: in the manner of the paper's Fig. 4, or coloured by a measure."""
+"""The picture of a map: in the manner of the paper's Fig. 4, or coloured by a measure."""
 
 from __future__ import annotations
 
-import io
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name
-from creative_nao.maps.colours import INK, PAPER_WHITE, UNUSABLE, action_colour, action_letter, rgb
-from creative_nao.maps.figure_style import write_figure
-from creative_nao.maps.grid import neighbour_pairs
+from creative_nao.maps.figure_style import INK, PAPER_WHITE, UNUSABLE, action_colour, action_letter, rgb, write_figure
+from creative_nao.maps.grid import GridMap, neighbour_pairs
 from creative_nao.measures import dtw_pairs, excursions, largest_speeds, unexpectedness
 from creative_nao.measures.dtw import as_numbers
-from creative_nao.measures.outcome import ALL_OUTCOMES, APPROPRIATE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,89 +21,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class GridMap:
-    """What every map over a grid of PB points has, whoever performed the movements; subclasses are dataclasses.
-
-    Attributes:
-        resolution: Points along each axis; there are n = resolution^2.
-        pb: The points, shape (n, 2), in the order of `pb_grid`.
-        outcome: One of `measures.outcome.ALL_OUTCOMES` each, shape (n,) of str.
-        nearest: Which basic action each is nearest to, shape (n,) of int.
-        distance: DTW distance to it [rad], shape (n,).
-        learned_pb: Where the basic actions themselves lie, shape (n_actions, 2).
-        names: Names of the basic actions.
-        record: Memory, settings and versions that made the map.
-        trajectories: The movement of each point [rad], shape (n, n_steps, n_joints), if the map holds them.
-        dt_s: Tick of the trajectories [s].
-    """
-
-    resolution: int
-    pb: np.ndarray
-    outcome: np.ndarray
-    nearest: np.ndarray
-    distance: np.ndarray
-    learned_pb: np.ndarray
-    names: tuple[str, ...]
-    record: dict[str, Any]
-    trajectories: np.ndarray | None = None
-    dt_s: float | None = None
-
-    @property
-    def memory_name(self) -> str:
-        """Name of the memory, as the record tells it, or empty."""
-        return str(self.record.get("settings", {}).get("memory", ""))
-
-    @property
-    def appropriate(self) -> np.ndarray:
-        """Whether each point's movement can be used, shape (n,) of bool."""
-        return np.isin(self.outcome, APPROPRIATE)
-
-    def share_pct(self, outcome: str) -> float:
-        """Return the share of the map with this outcome [%]."""
-        return 100.0 * float(np.mean(self.outcome == outcome))
-
-    def learned_region_pct(self) -> np.ndarray:
-        """Return the share of the map where each basic action comes back (outcome learned) [%], shape (n_actions,)."""
-        mine = self.nearest[None, :] == np.arange(len(self.names))[:, None]
-        return 100.0 * np.mean(mine & (self.outcome == "learned"), axis=1)
-
-    def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Figure:
-        """Draw the map in the manner of the paper's Fig. 4, or coloured by a measure.
-
-        Args:
-            path: PNG or SVG to write; with None nothing is written.
-            **options: Handed to `draw_map`, such as ``colour="speed"``.
-
-        Returns:
-            The matplotlib figure.
-        """
-        return draw_map(self, path, **options)
-
-    def __repr__(self) -> str:
-        name = f" of memory {self.memory_name}" if self.memory_name else ""
-        shares = {outcome: self.share_pct(outcome) for outcome in ALL_OUTCOMES}
-        parts = ", ".join(f"{share:.1f} % {outcome}" for outcome, share in shares.items() if share)
-        return f"{type(self).__name__}{name}: {self.resolution} x {self.resolution} points; {parts}"
-
-    def _repr_png_(self) -> bytes:
-        """Return the picture that a notebook shows."""
-        stream = io.BytesIO()
-        self.plot().savefig(stream, format="png", dpi=90)
-        return stream.getvalue()
-
-
 NEAREST = "nearest"
 """The colouring of the paper's Fig. 4, which is no number: nearest basic action, strong where it is similar."""
 
 
-@dataclass(frozen=True)
-class Colouring:
-    """A measure that every point of a map has.
+class Colouring(NamedTuple):
+    """A measure of every point of a map: its name with its unit, and the function that gives it, shape (n,).
 
-    Attributes:
-        label: What it is, with its unit, beside the scale.
-        needs_trajectories: Whether it is worked out from the movements, which a map read from a file does not hold.
-        values: Gives it for every point of a map, shape (n,).
+    Some need the trajectories, which a map read from a file does not hold.
     """
 
     label: str
@@ -115,11 +36,8 @@ class Colouring:
     values: Callable[[GridMap], np.ndarray]
 
 
-def neighbour_distances(pb_map: GridMap) -> np.ndarray:
-    """Return the mean DTW distance of each point's movement to those of its neighbours in the grid [rad], shape (n,).
-
-    A point has four neighbours, at an edge three, in a corner two.
-    """
+def _neighbour_distances(pb_map: GridMap) -> np.ndarray:
+    """Return the mean distance of each movement to its neighbours': four, at an edge three, in a corner two."""
     n_cells = pb_map.resolution**2
     first, second = neighbour_pairs(pb_map.resolution)
     distances = dtw_pairs(_trajectories(pb_map), first, second)
@@ -149,17 +67,13 @@ COLOURINGS: dict[str, Colouring] = {
     "unexpectedness": Colouring("unexpectedness among the usable movements of the map [bit]", False, _unexpectedness),
     "speed": Colouring("largest speed of a joint [rad/s]", True, _speeds),
     "excursion": Colouring("way of the most moving joint [rad]", True, lambda grid: excursions(_trajectories(grid))),
-    "ruggedness": Colouring("mean DTW distance to the neighbouring movements [rad]", True, neighbour_distances),
+    "ruggedness": Colouring("mean DTW distance to the neighbouring movements [rad]", True, _neighbour_distances),
 }
 """Every colouring that is a number, by name."""
 
 
 def check_colour(name: str) -> str:
-    """Return the name of a colouring.
-
-    Raises:
-        NotFoundError: If there is none of this name; the message has the nearest one.
-    """
+    """Return the name of a colouring; one that does not exist is a NotFoundError with the nearest name."""
     known = (NEAREST, *COLOURINGS)
     if name not in known:
         raise NotFoundError(f"no colouring `{name}`{nearest_name(name, known)}; there are {', '.join(known)}.")
@@ -169,9 +83,7 @@ def check_colour(name: str) -> str:
 def colour_values(pb_map: GridMap, colour: str | ArrayLike) -> tuple[np.ndarray, str]:
     """Return the number that colours each point, shape (n,), and what it is.
 
-    Args:
-        pb_map: The map.
-        colour: A name of `COLOURINGS`, or numbers of one's own, shape (n,), in the order of the map's points.
+    `colour` is a name of `COLOURINGS`, or numbers of one's own, shape (n,), in the order of the map's points.
 
     Raises:
         NotFoundError: If there is no colouring of this name.
@@ -245,10 +157,7 @@ def _with_unusable(image: np.ndarray, pb_map: GridMap) -> np.ndarray:
 
 
 def draw_on(axes: Axes, pb_map: GridMap, image: np.ndarray | None = None) -> None:
-    """Draw the map with borders, hatching and the letters of the basic actions on matplotlib axes.
-
-    The colours are those of `image`, by default of `map_image`.
-    """
+    """Draw the map with borders, hatching and letters of the basic actions; its colours are `image` or `map_image`."""
     from matplotlib import patheffects
 
     n = pb_map.resolution
@@ -280,13 +189,7 @@ def draw_on(axes: Axes, pb_map: GridMap, image: np.ndarray | None = None) -> Non
 
 
 def legend_handles(pb_map: GridMap, coloured: bool = True, shares: bool = True) -> list[Any]:
-    """Return legend entries: each basic action with the share of the map that it fills, and the unusable kinds.
-
-    Args:
-        pb_map: The map.
-        coloured: Whether the colours tell the basic action.
-        shares: Whether shares are told; they belong to one map alone.
-    """
+    """Return legend entries: each basic action, `coloured` or not, and the unusable kinds, with `shares` of the map."""
     from matplotlib.patches import Patch
 
     learned_pct = pb_map.learned_region_pct()
@@ -322,14 +225,11 @@ def draw_map(
     Args:
         pb_map: The map.
         path: PNG or SVG to write in one step, by its ending; None writes nothing.
-        title: Title; default: the name of the memory.
+        title: Title; default: the memory and how much of the map is appropriate.
         points: PB points to mark, for example an agent's choices, shape (n, 2).
         colour: What the colours tell: `nearest`, a measure of `COLOURINGS`, or a number of one's own for each
             point of the map, shape (n,).
         colour_label: Text beside the scale; default: the measure and its unit.
-
-    Returns:
-        The matplotlib figure.
 
     Raises:
         CreativeNaoError: If the map cannot be coloured so, as `colour_values` tells.

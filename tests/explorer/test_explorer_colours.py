@@ -16,7 +16,7 @@ from creative_nao.explorer.map_pane import map_picture
 from creative_nao.explorer.registry import check_physical, physical_map_of
 from creative_nao.explorer.view import SIZE, View
 from creative_nao.maps import COLOURINGS, colour_values, pb_map
-from creative_nao.maps.colours import UNUSABLE
+from creative_nao.maps.figure_style import UNUSABLE
 from creative_nao.model import load_memory
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results" / "physical"

@@ -9,7 +9,7 @@ from creative_nao import measures
 from creative_nao.cli.dispatch import main
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError
 from creative_nao.maps import COLOURINGS, PBMap, colour_values, pb_map
-from creative_nao.maps.colours import UNUSABLE, rgb
+from creative_nao.maps.figure_style import UNUSABLE, rgb
 from creative_nao.maps.picture import measure_image
 
 

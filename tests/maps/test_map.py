@@ -6,7 +6,7 @@ import pytest
 from creative_nao import load_memory, measures
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError
 from creative_nao.maps import PBMap, nearest_cell, pb_grid, pb_map, pb_slice
-from creative_nao.maps.colours import FLUCTUATING, rgb
+from creative_nao.maps.figure_style import FLUCTUATING, rgb
 from creative_nao.maps.picture import map_image
 from creative_nao.model import NetworkSettings, TrainingSettings, train_network
 

@@ -20,8 +20,7 @@ from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Entry
 from creative_nao.evaluation.paper.claims import CONDITION_TITLES, TABLE_I, Figures, values_of
 from creative_nao.evaluation.paper.summary import map_path
 from creative_nao.maps import PBMap
-from creative_nao.maps.colours import BASIC_ACTIONS, INK, action_letter
-from creative_nao.maps.figure_style import figure, save, styled
+from creative_nao.maps.figure_style import BASIC_ACTIONS, INK, action_letter, figure, save, styled
 from creative_nao.maps.picture import draw_on, legend_handles, map_image
 from creative_nao.measures import farthest_points, score
 from creative_nao.model import Memory

@@ -20,8 +20,7 @@ from creative_nao.errors import CreativeNaoError
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Entry, PaperSettings
 from creative_nao.evaluation.paper.claims import CONVERGED_LEVEL, FURTHER, TABLE_I, Figures, values_of
 from creative_nao.evaluation.statistics import estimate, seed_sequence
-from creative_nao.maps import PBMap, pb_map
-from creative_nao.maps.landscape import landscape
+from creative_nao.maps import PBMap, landscape, pb_map
 from creative_nao.measures import Criteria, dtw_matrix, dtw_pairs, score, table
 from creative_nao.measures.outcome import Scores
 from creative_nao.model import CONDITIONS, Memory, reproduction
