@@ -23,6 +23,7 @@ from creative_nao.evaluation.run import Evaluation, evaluate
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, check_agent, find_suite
 from creative_nao.evaluation.tables import terminal_table
+from creative_nao.schema import Count, Seed, checked
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,8 +81,7 @@ def run(settings: EvaluateSettings) -> int:
         )
     if settings.resume and settings.out is None:
         raise SettingsError("--resume continues a run folder: name it with --out")
-    if settings.seed < 0:
-        raise SettingsError(f"`--seed` should be at least 0, but is {settings.seed}")
+    checked(Seed, settings.seed, "--seed")
     executor = executor_for(settings)
     suite = _chosen(settings)
     if settings.docs is not None and not settings.docs.is_dir():
@@ -128,8 +128,7 @@ def executor_for(options: JobOptions) -> Executor:
     Raises:
         SettingsError: If the options contradict each other.
     """
-    if options.n_workers is not None and options.n_workers < 1:
-        raise SettingsError(f"`--n-workers` should be at least 1, but is {options.n_workers}")
+    checked(Count | None, options.n_workers, "--n-workers")
     if options.scheduler is not None:
         if options.n_workers is not None:
             raise SettingsError(

@@ -20,6 +20,7 @@ from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Report, paper_se
 from creative_nao.evaluation.paper.claims import CONDITION_TITLES, FURTHER, TABLE_I
 from creative_nao.evaluation.paper.page import mean_cell, number, publish
 from creative_nao.evaluation.paper.run import Reproduction, reproduce
+from creative_nao.schema import Count, Seed, checked
 
 SUITE = "paper"
 COLOURS = {"holds": "green", "does not hold": "red", "undecided": "dim"}
@@ -53,10 +54,8 @@ def run(asked: PaperOptions) -> int:
     Raises:
         CreativeNaoError: If the user made a mistake, or no network of a condition could be trained.
     """
-    if asked.n_workers is not None and asked.n_workers < 1:
-        raise SettingsError(f"`--n-workers` should be at least 1, but is {asked.n_workers}")
-    if asked.seed < 0:
-        raise SettingsError(f"`--seed` should be at least 0, but is {asked.seed}")
+    checked(Count | None, asked.n_workers, "--n-workers")
+    checked(Seed, asked.seed, "--seed")
     settings = paper_settings(quick=asked.quick, retrain=asked.retrain, seed=asked.seed)
     if asked.docs is not None and not asked.docs.is_dir():
         raise SettingsError(f"--docs should name the folder of the documentation, but {asked.docs} is none")

@@ -17,6 +17,7 @@ from creative_nao.measures import Criteria
 from creative_nao.model import CONDITIONS, NetworkSettings, Trained, TrainingSettings, checkpoint_of, train_many
 from creative_nao.model.training import TrainingState
 from creative_nao.runtime import record
+from creative_nao.schema import Count, checked
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,8 +130,7 @@ def _wanted(settings: TrainSettings) -> list[TrainingSettings]:
         raise SettingsError("--seed and --closed-loop-ratio should name at least one value each")
     if len(set(wanted)) < len(wanted):
         raise SettingsError("--seed and --closed-loop-ratio should not repeat a value")
-    if settings.n_workers is not None and settings.n_workers < 1:
-        raise SettingsError(f"--n-workers should be at least 1, but is {settings.n_workers}")
+    checked(Count | None, settings.n_workers, "--n-workers")
     return wanted
 
 
