@@ -22,8 +22,8 @@ import mujoco.rollout
 import numpy as np
 
 from creative_nao import load_demonstrations
+from creative_nao.envs.boxing_envs import VariationRanges
 from creative_nao.envs.executors import PhysicsPool, SharedScene, ThreadPool
-from creative_nao.envs.randomised_robot import VariationRanges
 from creative_nao.joints import JOINTS
 from creative_nao.robot import (
     Performance,

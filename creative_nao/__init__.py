@@ -18,7 +18,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from creative_nao.envs.registration import register_environments
+from creative_nao.envs import register_environments
 from creative_nao.errors import (
     CreativeNaoError,
     FileFormatError,

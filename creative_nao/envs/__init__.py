@@ -7,20 +7,25 @@
   `gymnasium.make_vec`.
 - `SB3VecEnv`: one of those for Stable-Baselines3.
 - `EnvState`: what `get_state` returns and `set_state` takes.
-- `load`: the ring as a dm_control `composer.Environment`, boxing tick by tick.
+- `load`, `TASKS`: the ring as a dm_control `composer.Environment`, boxing tick by tick.
 - `ENVIRONMENTS`, `register_environments`: the names for `gymnasium.make`.
 
 Names are loaded when first used, so that registering costs nothing.
 """
 
+# dm_control may be missing: pip cannot install it on Python 3.13.
+# pyright: reportMissingImports=false
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from creative_nao.envs.registration import ENVIRONMENTS, VECTOR_ENVIRONMENTS, register_environments
+from creative_nao.errors import NotFoundError, nearest_name
 
 if TYPE_CHECKING:
+    from dm_control import composer
+
     from creative_nao.envs.boxing_envs import (
         BoxingEnv,
         BoxingMentalEnv,
@@ -31,32 +36,64 @@ if TYPE_CHECKING:
     )
     from creative_nao.envs.sb3 import SB3VecEnv
     from creative_nao.envs.state import EnvState
-    from creative_nao.envs.tasks import TASKS, load
 
 __all__ = [
-    "ENVIRONMENTS",
-    "TASKS",
-    "VECTOR_ENVIRONMENTS",
-    "BoxingEnv",
-    "BoxingMentalEnv",
-    "BoxingMentalVectorEnv",
-    "BoxingModulationEnv",
-    "BoxingModulationVectorEnv",
-    "BoxingVectorEnv",
-    "EnvState",
-    "SB3VecEnv",
-    "load",
+    "ENVIRONMENTS", "TASKS", "VECTOR_ENVIRONMENTS", "BoxingEnv", "BoxingMentalEnv", "BoxingMentalVectorEnv",
+    "BoxingModulationEnv", "BoxingModulationVectorEnv", "BoxingVectorEnv", "EnvState", "SB3VecEnv", "load",
     "register_environments",
-]
+]  # fmt: skip
 
-_HOMES = {"EnvState": "state", "SB3VecEnv": "sb3", "TASKS": "tasks", "load": "tasks"}
+_NAMES = {f"CreativeNao/{name}-v0": f"{__name__}.boxing_envs:{name}" for name in
+          ("Boxing", "BoxingMental", "BoxingModulation")}  # fmt: skip
+ENVIRONMENTS = {name: f"{path}Env" for name, path in _NAMES.items()}
+"""Every environment of the project and the class behind it."""
+VECTOR_ENVIRONMENTS = {name: f"{path}VectorEnv" for name, path in _NAMES.items()}
+"""The vector environment of each."""
+
+
+def register_environments() -> None:
+    """Register all environments; a second call changes nothing."""
+    from gymnasium.envs.registration import register, registry
+
+    for name, entry_point in ENVIRONMENTS.items():
+        if name not in registry:
+            register(id=name, entry_point=entry_point, vector_entry_point=VECTOR_ENVIRONMENTS[name])
+
+
+def _boxing(**arguments: Any) -> composer.Environment:
+    return importlib.import_module(f"{__name__}.boxing_task").load(**arguments)
+
+
+TASKS: dict[str, Callable[..., Any]] = {"boxing": _boxing}
+"""Each task's name and what makes its environment."""
+
+
+def load(task: str = "boxing", **arguments: Any) -> composer.Environment:
+    """Return a task as a dm_control environment.
+
+    Args:
+        task: A name of `TASKS`.
+        arguments: Those of the task, for boxing those of `boxing_task.load`: `seed`, `control_step_s`, `time_limit_s`,
+            `start_noise_rad`.
+
+    Raises:
+        NotFoundError: If there is no such task.
+
+    Example:
+        >>> load("boxing", seed=0).action_spec().shape
+        (8,)
+    """
+    if task not in TASKS:
+        raise NotFoundError(f"no task `{task}`{nearest_name(task, TASKS)}; there are {', '.join(TASKS)}")
+    return TASKS[task](**arguments)
 
 
 def __getattr__(name: str) -> Any:
     """Load a public name when it is first asked for."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOMES.get(name, 'boxing_envs')}"), name)
+    home = {"EnvState": "state", "SB3VecEnv": "sb3"}.get(name, "boxing_envs")
+    return getattr(importlib.import_module(f"{__name__}.{home}"), name)
 
 
 def __dir__() -> list[str]:

@@ -64,6 +64,9 @@ def _accept_kernel(env_ids, accepted, trajectories, distances, known, n_steps, s
 class RepertoireArchive:
     """What `n_envs` robots know: their basic actions and the movements each has accepted since.
 
+    The reward of an appropriate movement is its distance to everything known, divided by `scale`, the mean pairwise
+    distance of the basic actions: a movement counts as new once, and diversity is what is left to earn.
+
     Args:
         n_envs: How many robots.
         n_basic: Basic actions of each.
@@ -170,45 +173,3 @@ class RepertoireArchive:
         self._novelty[env_id, self.n_basic : size] = arrays["novelty"]
         self._pair_sum[env_id] = arrays["pair_sum"][0]
         self.sizes[env_id] = size
-
-
-class Repertoire:
-    """One robot's basic actions and the actions it has accepted; a view of its part of a `RepertoireArchive`.
-
-    The reward of an appropriate action is its distance to everything known, divided by the mean pairwise distance of
-    the basic actions: a movement counts as new once, and diversity is what is left to earn.
-
-    Args:
-        demonstrations: The basic actions.
-        archive: Where they are kept.
-        env_id: Which of its robots.
-    """
-
-    def __init__(self, demonstrations: Demonstrations, archive: RepertoireArchive, env_id: int = 0) -> None:
-        self.demonstrations, self._archive, self._env_id = demonstrations, archive, env_id
-
-    def __len__(self) -> int:
-        return int(self._archive.sizes[self._env_id]) - self._archive.n_basic
-
-    @property
-    def scale(self) -> float:
-        """Mean pairwise distance of the basic actions, the unit of the reward [rad]."""
-        return float(self._archive.scale[self._env_id])
-
-    @property
-    def accepted(self) -> list[np.ndarray]:
-        """Trajectories accepted so far [rad], each (n_steps, n_joints), as copies."""
-        return self._archive.accepted(self._env_id)
-
-    def distances(self, trajectory: np.ndarray) -> np.ndarray:
-        """Return the DTW distance of a trajectory (n_steps, n_joints) [rad] to everything known, shape (n,) [rad].
-
-        Basic actions come first, then accepted actions; nothing is changed.
-        """
-        movement = np.asarray(trajectory, np.float64)[None]
-        size = int(self._archive.sizes[self._env_id])
-        return self._archive.compare(np.array([self._env_id]), movement)[0, :size]
-
-    def measures(self, n_tried: int) -> dict[str, float | None]:
-        """Return the paper's three measures after `n_tried` actions; see `RepertoireArchive.measures`."""
-        return self._archive.measures(self._env_id, n_tried)

@@ -3,12 +3,17 @@
 - `CreativeNao/BoxingMental-v0`: movements are generated and scored, as in the paper.
 - `CreativeNao/Boxing-v0`: the NAO performs every movement on its own feet in the ring.
 - `CreativeNao/BoxingModulation-v0`: the PB may change during a movement.
+- `RandomisedRobot`: a wrapper that gives `CreativeNao/Boxing-v0` a slightly different robot every episode.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from textwrap import indent
 from typing import Any, TypeVar
+
+import gymnasium as gym
+import numpy as np
 
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS
 from creative_nao.envs.executors import PhysicsExecutor
@@ -16,8 +21,10 @@ from creative_nao.envs.memory_set import MemoryLike
 from creative_nao.envs.observation import layout, layout_table
 from creative_nao.envs.repertoire_env import RepertoireEnv
 from creative_nao.envs.vector_env import RepertoireVectorEnv
+from creative_nao.errors import SettingsError, shown
 from creative_nao.measures import Criteria
-from creative_nao.robot import PhysicalLimits
+from creative_nao.model.config import check_kind
+from creative_nao.robot import PhysicalLimits, RobotVariation
 
 Kind = TypeVar("Kind", bound=RepertoireEnv)
 
@@ -113,16 +120,6 @@ class BoxingMentalEnv(RepertoireEnv):
     * v0: first version.
     """
 
-    def __init__(
-        self,
-        memory: MemoryLike = "half/0",
-        n_actions: int = EPISODE_ACTIONS,
-        render_mode: str | None = None,
-        criteria: Criteria | None = None,
-        overlay: bool = False,
-    ) -> None:
-        super().__init__(memory, n_actions, render_mode, criteria, overlay)
-
 
 @_page
 class BoxingEnv(RepertoireEnv):
@@ -179,6 +176,8 @@ class BoxingEnv(RepertoireEnv):
     * v0: first version.
     """
 
+    physics = True
+
     def __init__(
         self,
         memory: MemoryLike = "half/0",
@@ -189,7 +188,7 @@ class BoxingEnv(RepertoireEnv):
         limits: PhysicalLimits | None = None,
     ) -> None:
         self.limits = PhysicalLimits() if limits is None else limits
-        super().__init__(memory, n_actions, render_mode, criteria, overlay, limits=self.limits)
+        super().__init__(memory, n_actions, render_mode, criteria, overlay)
 
     @property
     def performer(self) -> Any:
@@ -259,6 +258,8 @@ class BoxingModulationEnv(RepertoireEnv):
     * v0: first version.
     """
 
+    _modulated = True
+
     def __init__(
         self,
         memory: MemoryLike = "half/0",
@@ -271,23 +272,13 @@ class BoxingModulationEnv(RepertoireEnv):
     ) -> None:
         self.physics = physics
         self.limits = PhysicalLimits() if limits is None else limits
-        super().__init__(
-            memory, n_actions, render_mode, criteria, overlay, modulated=True, limits=self.limits if physics else None
-        )
+        super().__init__(memory, n_actions, render_mode, criteria, overlay)
 
 
 class BoxingMentalVectorEnv(RepertoireVectorEnv):
-    """Vector environment of `CreativeNao/BoxingMental-v0`; see `BoxingMentalEnv`.
-
-    Args:
-        num_envs: Number of sub-environments.
-        arguments: Those of `RepertoireVectorEnv`.
-    """
+    """Vector environment of `CreativeNao/BoxingMental-v0`; see `BoxingMentalEnv` and `RepertoireVectorEnv`."""
 
     _single_name = "BoxingMentalEnv"
-
-    def __init__(self, num_envs: int = 1, **arguments: Any) -> None:
-        super().__init__(num_envs, **arguments)
 
 
 class BoxingVectorEnv(RepertoireVectorEnv):
@@ -300,26 +291,111 @@ class BoxingVectorEnv(RepertoireVectorEnv):
     """
 
     _single_name = "BoxingEnv"
+    physics = True
 
     def __init__(self, num_envs: int = 1, *, limits: PhysicalLimits | None = None, **arguments: Any) -> None:
-        super().__init__(num_envs, limits=PhysicalLimits() if limits is None else limits, **arguments)
+        self.limits = PhysicalLimits() if limits is None else limits
+        super().__init__(num_envs, **arguments)
 
 
-class BoxingModulationVectorEnv(RepertoireVectorEnv):
+class BoxingModulationVectorEnv(BoxingVectorEnv):
     """Vector environment of `CreativeNao/BoxingModulation-v0`; see `BoxingModulationEnv`.
 
     Args:
         num_envs: Number of sub-environments.
         physics: Whether the robot performs each movement.
-        limits: From where on a performance counts as failed.
-        arguments: Those of `RepertoireVectorEnv`.
+        arguments: Those of `BoxingVectorEnv`.
     """
 
     _single_name = "BoxingModulationEnv"
+    _modulated = True
 
-    def __init__(
-        self, num_envs: int = 1, *, physics: bool = False, limits: PhysicalLimits | None = None, **arguments: Any
-    ) -> None:
+    def __init__(self, num_envs: int = 1, *, physics: bool = False, **arguments: Any) -> None:
         self.physics = physics
-        in_force = (PhysicalLimits() if limits is None else limits) if physics else None
-        super().__init__(num_envs, modulated=True, limits=in_force, **arguments)
+        super().__init__(num_envs, **arguments)
+
+
+@dataclasses.dataclass(frozen=True)
+class VariationRanges:
+    """From where to where each figure of the robot is drawn, evenly; the names are those of `robot.RobotVariation`."""
+
+    mass: tuple[float, float] = (0.97, 1.03)
+    """The complete robot is sold 2.2 % heavier than the sum of its links."""
+    friction: tuple[float, float] = (0.55, 1.33)
+    """Sliding friction 0.5, of one published description, to 1.2, the upper end of another's range."""
+    kp: tuple[float, float] = (0.8, 1.25)
+    """Gains are not published; beyond this the basic actions fail on the body (benchmarks/physics.py)."""
+    kd: tuple[float, float] = (0.8, 1.25)
+    latency_s: tuple[float, float] = (0.0, 0.02)
+    """None to two cycles of the robot's device controller."""
+    encoder_noise_rad: tuple[float, float] = (0.0, 0.0015)
+    """Up to about one count of the 12-bit encoders."""
+
+    def __post_init__(self) -> None:
+        """Refuse ranges that are none, or whose ends are no robot."""
+        for field in dataclasses.fields(self):
+            ends = getattr(self, field.name)
+            if not isinstance(ends, tuple | list) or len(ends) != 2:
+                raise SettingsError(f"`{field.name}` should be a range (low, high), but is {shown(ends)}")
+            for end in ends:
+                RobotVariation(**{field.name: end})
+            if not ends[0] <= ends[1]:
+                raise SettingsError(f"`{field.name}` should be a range (low, high), but is ({ends[0]}, {ends[1]})")
+
+    def draw(self, rng: np.random.Generator) -> RobotVariation:
+        """Draw a robot; every figure takes one number of the generator, also where a range is a point."""
+        names = [field.name for field in dataclasses.fields(self)]
+        return RobotVariation(**{name: float(rng.uniform(*getattr(self, name))) for name in names})
+
+
+class RandomisedRobot(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray], gym.utils.RecordConstructorArgs):
+    """Draws a new robot at every reset: mass, friction, gains, latency and encoder noise.
+
+    What was drawn is in the `info` of `reset` under `variation`, as a dictionary. The draws depend on the seed of
+    `reset` alone; without a seed they go on from the one before. States of the wrapped environment (`get_state`) do not
+    hold the robot that was drawn.
+
+    Args:
+        env: A `CreativeNao/Boxing-v0`, wrapped or not.
+        ranges: From where to where each figure is drawn.
+
+    Raises:
+        SettingsError: If no robot performs in the environment.
+
+    Example:
+        >>> import gymnasium as gym
+        >>> import creative_nao
+        >>> from creative_nao.envs.boxing_envs import RandomisedRobot, VariationRanges
+        >>> env = RandomisedRobot(gym.make("CreativeNao/Boxing-v0"), VariationRanges(mass=(1.1, 1.1)))
+        >>> env.reset(seed=0)[1]["variation"]["mass"]
+        1.1
+    """
+
+    def __init__(self, env: gym.Env[np.ndarray, np.ndarray], ranges: VariationRanges | None = None) -> None:
+        gym.utils.RecordConstructorArgs.__init__(self, ranges=ranges)
+        check_kind(gym.Env, env, "env")
+        gym.Wrapper.__init__(self, env)
+        if not hasattr(env.unwrapped, "performer"):
+            raise SettingsError(
+                f"only an environment in which a robot performs can vary it, CreativeNao/Boxing-v0, but this is {env}"
+            )
+        self.ranges = VariationRanges() if ranges is None else ranges
+        check_kind(VariationRanges, self.ranges, "ranges")
+        self._rng: np.random.Generator | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode with a robot drawn anew.
+
+        Args:
+            seed: Seed of the draws of the robot, and of the environment.
+            options: Handed to the environment.
+        """
+        observation, info = self.env.reset(seed=seed, options=options)
+        if seed is not None or self._rng is None:
+            self._rng = np.random.default_rng(seed)
+        variation = self.ranges.draw(self._rng)
+        body: Any = self.env.unwrapped
+        body.performer.vary(variation, self._rng)
+        return observation, {**info, "variation": dataclasses.asdict(variation)}

@@ -6,7 +6,6 @@ Every environment, single or vectorised, is a face of this one class, so that th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,23 +48,6 @@ class Distances(NamedTuple):
     to_known: np.ndarray
     too_fast: np.ndarray
     excursion: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class StepResult:
-    """What one step of m environments gave.
-
-    Attributes:
-        reward: Of each, (m,).
-        terms: Terms of `info`, arrays over the m environments by name.
-        finished: Places among the m of those that finished a movement, (k,).
-        finished_terms: Terms of `info` that belong to a finished movement, arrays over those k by name.
-    """
-
-    reward: np.ndarray
-    terms: dict[str, np.ndarray]
-    finished: np.ndarray
-    finished_terms: dict[str, np.ndarray]
 
 
 class EpisodeBatch:
@@ -173,12 +155,18 @@ class EpisodeBatch:
         if self.rollout is not None:
             self.rollout.reset(env_id)
 
-    def step(self, env_ids: np.ndarray, pb: np.ndarray) -> StepResult:
+    def step(
+        self, env_ids: np.ndarray, pb: np.ndarray
+    ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray, dict[str, np.ndarray]]:
         """Step environments: one movement each, or one decision where the PB may change during a movement.
 
         Args:
             env_ids: Which, shape (m,), rising.
             pb: PB vectors in [-1, 1], shape (m, n_pb).
+
+        Returns:
+            Rewards (m,); terms of `info`, arrays over the m environments by name; places among the m of those that
+            finished a movement, (k,); terms of `info` of the finished movements, arrays over those k.
 
         Raises:
             ShapeError: If a memory does not generate what it should.
@@ -187,20 +175,20 @@ class EpisodeBatch:
             reward, finished_terms = self._whole_movements(env_ids, pb)
             done = self.n_done[env_ids]
             self.observations.set_part(env_ids, "step", np.minimum(done / self.n_actions, 1.0))
-            return StepResult(reward, {"pb": pb, "step": done}, np.arange(len(env_ids)), finished_terms)
+            return reward, {"pb": pb, "step": done}, np.arange(len(env_ids)), finished_terms
         rollout, n = self.rollout, self.n_decisions
         rollout.advance(env_ids, pb)
         terms = {
             "pb": pb,
             "step": self.n_done[env_ids] * n + rollout.n_decided[env_ids],
-            "tick": rollout.tick(env_ids),
-            "posture": rollout.posture(env_ids),
+            "tick": rollout.ticks(env_ids),
+            "posture": rollout.posture[env_ids],
         }
         reward, finished_terms = np.zeros(len(env_ids)), {}
-        finished = np.flatnonzero(rollout.finished(env_ids))
+        finished = np.flatnonzero(rollout.n_decided[env_ids] == n)
         if len(finished):
             who = env_ids[finished]
-            paths, generated = rollout.pb_paths(who), rollout.trajectories(who)
+            paths, generated = rollout.pb[who], rollout.angles[who]
             reward[finished], finished_terms = self._execute_and_score(who, paths, generated)
             finished_terms["pb_path"] = paths
             for env_id in who:
@@ -209,7 +197,7 @@ class EpisodeBatch:
         self.observations.set_part(env_ids, "pb", pb)
         self.observations.set_part(env_ids, "step", np.minimum(progress, 1.0))
         rollout.observe(env_ids)
-        return StepResult(reward, terms, finished, finished_terms)
+        return reward, terms, finished, finished_terms
 
     def _whole_movements(self, env_ids: np.ndarray, pb: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         def by_memory() -> np.ndarray:  # the movements of one memory are generated together, so by one thread

@@ -36,15 +36,13 @@ class Execution:
         trajectory: What is scored [rad], shape (n_steps, n_joints): as generated, or as measured on the robot.
         fault: Physical outcome that makes it inappropriate, or None.
         figures: Further numbers for `info`.
-        frames: Snapshots of the whole robot for a film, (n_frames, nq), if asked for.
-        frame_dt_s: Time between them [s].
+        frames: Snapshots of the whole robot every `FRAME_DT_S`, (n_frames, nq), if asked for.
     """
 
     trajectory: np.ndarray
     fault: str | None = None
     figures: dict[str, Any] = field(default_factory=dict)
     frames: np.ndarray | None = None
-    frame_dt_s: float = FRAME_DT_S
 
 
 class SharedScene:
@@ -160,13 +158,6 @@ class PhysicsPool:
 
         return [Performer(self._shared.scene) for _ in range(self._threads.n_threads)]
 
-    @functools.cached_property
-    def _idle(self) -> queue.SimpleQueue[Performer]:
-        idle: queue.SimpleQueue[Performer] = queue.SimpleQueue()
-        for performer in self.performers:
-            idle.put(performer)
-        return idle
-
     @property
     def built(self) -> bool:
         """Whether the robots are there already."""
@@ -185,7 +176,9 @@ class PhysicsPool:
         Returns:
             The performance of each, and MuJoCo's integration state at its end, (n,).
         """
-        idle = self._idle
+        idle: queue.SimpleQueue[Performer] = queue.SimpleQueue()
+        for performer in self.performers:
+            idle.put(performer)
 
         def perform_one(k: int) -> tuple[Performance, np.ndarray]:
             performer = idle.get()
@@ -197,7 +190,7 @@ class PhysicsPool:
         return self._threads.map(perform_one, range(len(trajectories)))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"_threads": self._threads, "_shared": self._shared}
+        return {name: value for name, value in self.__dict__.items() if name != "performers"}
 
 
 class KinematicExecutor:
@@ -237,14 +230,14 @@ class KinematicExecutor:
         return [Execution(movement, frames=of) for movement, of in zip(generated, frames, strict=True)]
 
     def reset(self, env_id: int) -> None:
-        """Do nothing."""
+        """Begin an episode: nothing to do."""
 
     def get_state(self, env_id: int) -> dict[str, np.ndarray]:
-        """Return nothing: there is no physical state."""
+        """Return the physical state: none."""
         return {}
 
     def set_state(self, env_id: int, arrays: dict[str, np.ndarray]) -> None:
-        """Do nothing."""
+        """Restore the physical state: none."""
 
 
 class PhysicsExecutor:
@@ -298,9 +291,7 @@ class PhysicsExecutor:
             self._ends[env_id] = end
             figures = {"commanded": performance.commanded, **physics_figures(performance)}
             fault = first_failure(performance, self.limits)
-            executions.append(
-                Execution(performance.measured, fault, figures, performance.frames, performance.frame_dt_s)
-            )
+            executions.append(Execution(performance.measured, fault, figures, performance.frames))
         return executions
 
     def reset(self, env_id: int) -> None:

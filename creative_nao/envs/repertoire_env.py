@@ -8,7 +8,6 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.spaces import Box
 
-from creative_nao.envs.archive import Repertoire
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS, EpisodeBatch
 from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
@@ -32,8 +31,6 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         render_mode: One of ``metadata["render_modes"]`` or None.
         criteria: Where the lines between outcomes are drawn; default: the paper's.
         overlay: Whether colour frames carry a caption: outcome, nearest basic action, reward.
-        modulated: Whether the PB may change during a movement.
-        limits: From where on a performance counts as failed; None: movements are not performed in physics.
 
     Raises:
         NotFoundError: If there is no such memory.
@@ -44,6 +41,11 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         "render_modes": list(RENDER_MODES),
         "render_fps": round(1 / FRAME_DT_S),
     }
+    _modulated = False
+    physics = False
+    """Whether the robot performs each movement."""
+    limits = PhysicalLimits()
+    """From where on a performance counts as failed."""
 
     def __init__(
         self,
@@ -52,13 +54,10 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         render_mode: str | None = None,
         criteria: Criteria | None = None,
         overlay: bool = False,
-        *,
-        modulated: bool = False,
-        limits: PhysicalLimits | None = None,
     ) -> None:
         self._batch = EpisodeBatch(
-            memory, 1, n_actions, criteria,
-            modulated=modulated, limits=limits, render_mode=render_mode, overlay=overlay,
+            memory, 1, n_actions, criteria, modulated=self._modulated,
+            limits=self.limits if self.physics else None, render_mode=render_mode, overlay=overlay,
         )  # fmt: skip
         self.render_mode = render_mode
         self.n_actions = n_actions
@@ -77,9 +76,9 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         return self._batch.specs[0].memory
 
     @property
-    def repertoire(self) -> Repertoire:
-        """What the robot knows, the basic actions and those accepted in this episode."""
-        return Repertoire(self._batch.specs[0].demonstrations, self._batch.archive)
+    def repertoire(self) -> list[np.ndarray]:
+        """The movements accepted in this episode, each (n_steps, n_joints) [rad], as copies."""
+        return self._batch.archive.accepted(0)
 
     @property
     def scene(self) -> Any:
@@ -118,18 +117,17 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
             ShapeError: If the action does not have shape (n_pb,) or is not finite.
         """
         batch = self._batch
-        result = batch.step(_ENV_IDS, checked_pb(action, self.action_space.shape)[None])
+        pb = checked_pb(action, self.action_space.shape)[None]
+        rewards, terms, finished, finished_terms = batch.step(_ENV_IDS, pb)
         truncated = int(batch.n_done[0]) >= self.n_actions
         info: dict[str, Any] = {}
-        for terms in (result.terms, result.finished_terms):
-            for name, values in terms.items():
-                value = values[0]
-                info[name] = value.item() if isinstance(value, np.generic) else value
-        if truncated and len(result.finished):
+        for name, (value, *_) in (*terms.items(), *finished_terms.items()):
+            info[name] = value.item() if isinstance(value, np.generic) else value
+        if truncated and len(finished):
             info["episode_measures"] = batch.measures(0)
         if self.render_mode == "human":
             self.render()
-        return batch.observations.vector(), float(result.reward[0]), False, truncated, info
+        return batch.observations.vector(), float(rewards[0]), False, truncated, info
 
     def render(self) -> Any:
         """Show what was executed since the last call.

@@ -40,6 +40,9 @@ class RolloutBatch:
     Attributes:
         n_decisions: Decisions of a movement; the last one holds for what is left of it.
         n_decided: Decisions taken in the movement under way, shape (n_envs,).
+        angles: The movements as far as they are generated [rad], shape (n_envs, n_steps, n_joints).
+        pb: Their PB vectors, shape (n_envs, n_decisions, n_pb).
+        posture: Where the joints stand [rad], shape (n_envs, n_joints).
     """
 
     def __init__(self, specs: list[RewardSpec], observations: ObservationBatch) -> None:
@@ -49,12 +52,12 @@ class RolloutBatch:
         self._n_steps = first.n_steps
         self.n_decisions = -(-first.n_steps // DECISION_TICKS)
         self.n_decided = np.zeros(n_envs, np.int64)
-        self._angles = np.zeros((n_envs, first.n_steps, n_joints))
-        self._pb = np.zeros((n_envs, self.n_decisions, first.n_pb))
+        self.angles = np.zeros((n_envs, first.n_steps, n_joints))
+        self.pb = np.zeros((n_envs, self.n_decisions, first.n_pb))
         references = first.memory.encoding.references
         self._low, self._high = references[:, 0], references[:, -1]
         self._under_way: list[Rollout] = [self._generator(env_id).begin(1) for env_id in range(n_envs)]
-        self._posture = np.zeros((n_envs, n_joints))
+        self.posture = np.zeros((n_envs, n_joints))
         for env_id in range(n_envs):
             self.reset(env_id)
 
@@ -64,7 +67,7 @@ class RolloutBatch:
     def reset(self, env_id: int) -> None:
         """Begin an episode: the robot stands in its initial posture, and its observation shows it."""
         self.next_movement(env_id)
-        self._posture[env_id] = self._specs[env_id].demonstrations.initial_posture
+        self.posture[env_id] = self._specs[env_id].demonstrations.initial_posture
         self.observe(np.array([env_id]))
 
     def next_movement(self, env_id: int) -> None:
@@ -79,35 +82,19 @@ class RolloutBatch:
             first = under_way.tick
             n_ticks = min(DECISION_TICKS, self._n_steps - first)
             angles = self._generator(env_id).advance(under_way, point[None], n_ticks)[0]
-            self._angles[env_id, first : first + n_ticks] = angles
-            self._posture[env_id] = angles[-1]
-            self._pb[env_id, decided] = point
+            self.angles[env_id, first : first + n_ticks] = angles
+            self.posture[env_id] = angles[-1]
+            self.pb[env_id, decided] = point
             self.n_decided[env_id] = decided + 1
 
-    def finished(self, env_ids: np.ndarray) -> np.ndarray:
-        """Return whose movement is complete, (m,) of bool."""
-        return self.n_decided[env_ids] == self.n_decisions
-
-    def tick(self, env_ids: np.ndarray) -> np.ndarray:
+    def ticks(self, env_ids: np.ndarray) -> np.ndarray:
         """Return how many ticks are generated, (m,)."""
         return np.minimum(self.n_decided[env_ids] * DECISION_TICKS, self._n_steps)
-
-    def posture(self, env_ids: np.ndarray) -> np.ndarray:
-        """Return where the joints stand [rad], a copy of (m, n_joints)."""
-        return self._posture[env_ids]
-
-    def trajectories(self, env_ids: np.ndarray) -> np.ndarray:
-        """Return the movements, a copy of (m, n_steps, n_joints) [rad]."""
-        return self._angles[env_ids]
-
-    def pb_paths(self, env_ids: np.ndarray) -> np.ndarray:
-        """Return the PB vectors of the movements, a copy of (m, n_decisions, n_pb)."""
-        return self._pb[env_ids]
 
     def observe(self, env_ids: np.ndarray) -> None:
         """Write posture, P_S and phase into the observations."""
         observations = self._observations
-        share = 2.0 * (self._posture[env_ids] - self._low) / (self._high - self._low) - 1.0
+        share = 2.0 * (self.posture[env_ids] - self._low) / (self._high - self._low) - 1.0
         observations.set_part(env_ids, "posture", np.clip(share, -1.0, 1.0))
         n_slow = self._generator(0).n_slow
         slow = np.concatenate([self._under_way[env_id].activity[:, -n_slow:] for env_id in env_ids])
@@ -122,9 +109,9 @@ class RolloutBatch:
             "network_code": under_way.code.copy(),
             "network_state": under_way.state.copy(),
             "network_activity": under_way.activity.copy(),
-            "unfolded": self._angles[env_id].copy(),
-            "pb_path": self._pb[env_id].copy(),
-            "posture": self._posture[env_id].copy(),
+            "unfolded": self.angles[env_id].copy(),
+            "pb_path": self.pb[env_id].copy(),
+            "posture": self.posture[env_id].copy(),
         }
         return values, arrays
 
@@ -148,6 +135,6 @@ class RolloutBatch:
                 )
         self.n_decided[env_id] = decided
         self._under_way[env_id] = Rollout(tick, *(arrays[name].copy() for name in NETWORK_ARRAYS))
-        self._angles[env_id] = arrays["unfolded"]
-        self._pb[env_id] = arrays["pb_path"]
-        self._posture[env_id] = arrays["posture"]
+        self.angles[env_id] = arrays["unfolded"]
+        self.pb[env_id] = arrays["pb_path"]
+        self.posture[env_id] = arrays["posture"]

@@ -43,8 +43,6 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             Gymnasium does by default), `SAME_STEP` (the new one begins at once, the old one's end is in `final_obs` and
             `final_info`) or `DISABLED` (`reset(options={"reset_mask": mask})` begins it).
         n_threads: Threads; None for one a processor core.
-        modulated: Whether the PB may change during a movement.
-        limits: From where on a performance counts as failed; None: movements are not performed in physics.
 
     Raises:
         NotFoundError: If there is no such memory.
@@ -53,6 +51,9 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     _single_name = ""
     """Class name of the single environment, whose states fit."""
+    _modulated = False
+    physics = False
+    limits = PhysicalLimits()
 
     def __init__(
         self,
@@ -64,9 +65,6 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         overlay: bool = False,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         n_threads: int | None = None,
-        *,
-        modulated: bool = False,
-        limits: PhysicalLimits | None = None,
     ) -> None:
         num_envs = checked(Count, num_envs, "num_envs")
         if render_mode == "human":
@@ -77,8 +75,9 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             known = ", ".join(mode.value for mode in AutoresetMode)
             raise SettingsError(f"`autoreset_mode` should be one of {known}, but is {autoreset_mode!r}") from error
         self._batch = EpisodeBatch(
-            memory, num_envs, n_actions, criteria,
-            modulated=modulated, limits=limits, n_threads=n_threads, render_mode=render_mode, overlay=overlay,
+            memory, num_envs, n_actions, criteria, modulated=self._modulated,
+            limits=self.limits if self.physics else None,
+            n_threads=n_threads, render_mode=render_mode, overlay=overlay,
         )  # fmt: skip
         self.num_envs, self.n_actions, self.render_mode = num_envs, n_actions, render_mode
         self.metadata = {
@@ -178,10 +177,9 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         env_ids = np.flatnonzero(~self._ended)
         rewards, truncated = np.zeros(self.num_envs), np.zeros(self.num_envs, bool)
         if len(env_ids):
-            result = batch.step(env_ids, pb[env_ids])
-            rewards[env_ids] = result.reward
+            rewards[env_ids], terms, finished, finished_terms = batch.step(env_ids, pb[env_ids])
             truncated[env_ids] = batch.n_done[env_ids] >= self.n_actions
-            parts = [(env_ids, result.terms), (env_ids[result.finished], result.finished_terms)]
+            parts = [(env_ids, terms), (env_ids[finished], finished_terms)]
             if self.autoreset_mode is AutoresetMode.SAME_STEP and truncated.any():
                 infos |= self._end_and_begin(parts, truncated)
             else:

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import functools
 import time
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from creative_nao.errors import MissingDependencyError, SettingsError
 
 if TYPE_CHECKING:
     from creative_nao.robot.rendering import Renderer
-    from creative_nao.robot.scene import Scene
 
 CAMERA = "close"
 FRAME_SIZE = 640, 480
@@ -53,89 +51,13 @@ def caption(frame: np.ndarray, text: str) -> np.ndarray:
     return np.asarray(picture).copy()
 
 
-class Viewer:
-    """Draws snapshots of the robot in its ring, or plays them in a window.
-
-    Args:
-        scene: Where the robot stands.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self._renderer: Renderer | None = None
-        self._window: Any = None
-
-    @property
-    def renderer(self) -> Renderer:
-        """What draws the frames, made when first needed.
-
-        Raises:
-            MissingDependencyError: If this machine cannot draw; the message names the packages.
-        """
-        if self._renderer is None:
-            from creative_nao.robot.rendering import Renderer
-
-            self._renderer = Renderer(self.scene.model, *FRAME_SIZE)
-        return self._renderer
-
-    def widest(self, frames: np.ndarray) -> np.ndarray:
-        """Return the snapshot in which the arms are farthest from where they began: (n_frames, nq) into (nq,)."""
-        arms = frames[:, self.scene.index.arm_qpos]
-        return frames[int(np.linalg.norm(arms - arms[0], axis=1).argmax())]
-
-    def play(self, frames: np.ndarray, frame_dt_s: float) -> None:
-        """Play snapshots, (n_frames, nq), in a window at real speed; the window opens with the first.
-
-        Raises:
-            MissingDependencyError: If there is no display to open a window on.
-        """
-        import mujoco
-        import mujoco.viewer
-
-        if self._window is None:
-            self._data = mujoco.MjData(self.scene.model)
-            try:
-                self._window = mujoco.viewer.launch_passive(
-                    self.scene.model, self._data, show_left_ui=False, show_right_ui=False
-                )
-            except Exception as error:  # whatever the window system says
-                raise MissingDependencyError(
-                    f'render_mode="human" opens a window, which needs a display ({error}); '
-                    'without one use "rgb_array" or "rgb_array_list"'
-                ) from error
-        for snapshot in frames:
-            if not self._window.is_running():
-                return
-            began = time.monotonic()
-            self._data.qpos[:] = snapshot
-            mujoco.mj_forward(self.scene.model, self._data)
-            self._window.sync()
-            time.sleep(max(0.0, frame_dt_s - (time.monotonic() - began)))
-
-    def close(self) -> None:
-        """Close the window and free the drawing context; may be called again."""
-        for part in (self._renderer, self._window):
-            if part is not None:
-                part.close()
-        self._renderer = self._window = None
-
-
-@dataclass(frozen=True)
-class RecordedMovement:
-    """Snapshots of one performed movement, (n_frames, nq), the time between them [s] and its caption."""
-
-    frames: np.ndarray
-    frame_dt_s: float
-    text: str
-
-
 class Recorder:
     """Keeps the movements performed since the last `render` of one or many environments, and renders them.
 
     Args:
         shared: Ring, robot and bag.
         mode: One of `RENDER_MODES` or None.
-        overlay: Whether colour frames carry a caption: outcome, nearest basic action, reward.
+        overlay: Whether colour frames carry a caption.
         n_envs: How many environments.
 
     Raises:
@@ -146,8 +68,9 @@ class Recorder:
         if mode is not None and mode not in RENDER_MODES:
             raise SettingsError(f"`render_mode` should be one of {', '.join(RENDER_MODES)} or None, but is {mode!r}")
         self._shared, self.mode, self._overlay = shared, mode, overlay
-        self._movements: list[list[RecordedMovement]] = [[] for _ in range(n_envs)]
-        self._viewer: Viewer | None = None
+        self._movements: list[list[tuple[Execution, str]]] = [[] for _ in range(n_envs)]
+        self._renderer: Renderer | None = None
+        self._window: Any = None
 
     @property
     def active(self) -> bool:
@@ -164,38 +87,73 @@ class Recorder:
             return
         if self.mode in ("rgb_array", "depth_array"):
             self.clear(env_id)  # only the last movement is ever rendered
-        self._movements[env_id].append(RecordedMovement(execution.frames, execution.frame_dt_s, text))
+        self._movements[env_id].append((execution, text))
 
     def render(self, env_id: int = 0) -> Any:
-        """Render what was recorded since the last call; the results are those of the environment's `render`."""
-        if self.mode is None or (self.mode == "human" and not self._movements[env_id]):
+        """Render what was recorded since the last call; the results are those of the environment's `render`.
+
+        Raises:
+            MissingDependencyError: If this machine cannot draw or has no display; the message says what helps.
+        """
+        movements = self._movements[env_id]
+        if self.mode is None or (self.mode == "human" and not movements):
             return None
         scene = self._shared.scene
-        if self._viewer is None:
-            self._viewer = Viewer(scene)
-        viewer = self._viewer
-        movements = self._movements[env_id] or [RecordedMovement(scene.guard_qpos()[None], FRAME_DT_S, "")]
-        last = movements[-1]
-        if self.mode == "depth_array":
-            return viewer.renderer.depth(viewer.widest(last.frames), CAMERA)
-        if self.mode == "rgb_array":
-            return self._frame(viewer, viewer.widest(last.frames), last.text)
+        films = [(one.frames, text) for one, text in movements if one.frames is not None]
+        last, text = films[-1] if films else (scene.guard_qpos()[None], "")
+        if self.mode in ("rgb_array", "depth_array"):
+            arms = last[:, scene.index.arm_qpos]
+            widest = last[int(np.linalg.norm(arms - arms[0], axis=1).argmax())]
+            return self._drawing().depth(widest, CAMERA) if self.mode == "depth_array" else self._frame(widest, text)
         self.clear(env_id)
         if self.mode == "human":
-            for movement in movements:
-                viewer.play(movement.frames, movement.frame_dt_s)
+            for frames, _ in films:
+                self._play(frames)
             return None
-        return [self._frame(viewer, snapshot, one.text) for one in movements for snapshot in one.frames]
+        return [self._frame(snapshot, text) for frames, text in films or [(last, text)] for snapshot in frames]
 
-    def _frame(self, viewer: Viewer, snapshot: np.ndarray, text: str) -> np.ndarray:
-        frame = viewer.renderer.frame(snapshot, CAMERA)
+    def _drawing(self) -> Renderer:
+        if self._renderer is None:
+            from creative_nao.robot.rendering import Renderer
+
+            self._renderer = Renderer(self._shared.scene.model, *FRAME_SIZE)
+        return self._renderer
+
+    def _frame(self, snapshot: np.ndarray, text: str) -> np.ndarray:
+        frame = self._drawing().frame(snapshot, CAMERA)
         return caption(frame, text) if self._overlay and text else frame
+
+    def _play(self, frames: np.ndarray) -> None:
+        """Play snapshots, (n_frames, nq), in a window at real speed; the window opens with the first."""
+        import mujoco
+        import mujoco.viewer
+
+        model = self._shared.scene.model
+        if self._window is None:
+            self._data = mujoco.MjData(model)
+            try:
+                self._window = mujoco.viewer.launch_passive(model, self._data, show_left_ui=False, show_right_ui=False)
+            except Exception as error:  # whatever the window system says
+                raise MissingDependencyError(
+                    f'render_mode="human" opens a window, which needs a display ({error}); '
+                    'without one use "rgb_array" or "rgb_array_list"'
+                ) from error
+        for snapshot in frames:
+            if not self._window.is_running():
+                return
+            began = time.monotonic()
+            self._data.qpos[:] = snapshot
+            mujoco.mj_forward(model, self._data)
+            self._window.sync()
+            time.sleep(max(0.0, FRAME_DT_S - (time.monotonic() - began)))
 
     def close(self) -> None:
         """Close the window and free what drawing took; may be called again."""
-        if self._viewer is not None:
-            self._viewer.close()
-            self._viewer = None
+        for part in (self._renderer, self._window):
+            if part is not None:
+                part.close()
+        self._renderer = self._window = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_viewer": None}  # windows and drawing contexts stay in their process
+        kept = {name: value for name, value in self.__dict__.items() if name != "_data"}
+        return {**kept, "_renderer": None, "_window": None}  # windows and drawing contexts stay in their process

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from creative_nao.envs.archive import Repertoire, RepertoireArchive
+from creative_nao.envs.archive import RepertoireArchive
 from creative_nao.envs.episode_batch import EpisodeBatch
 from creative_nao.measures import dtw, dtw_matrix, reward_scale
 from creative_nao.measures.outcome import is_fluctuating, is_non_moving
@@ -75,7 +75,7 @@ def test_outcomes_are_those_of_the_measures(demonstrations):
     size = np.geomspace(1e-3, 3.0, 40)[:, None, None]
     new = taught.trajectories[0][:1] + size * (taught.trajectories[0] - taught.trajectories[0][:1])
     batch = EpisodeBatch(Scripted(demonstrations, new), 40)
-    scored = batch.step(np.arange(40), np.zeros((40, 2))).finished_terms["outcome"]
+    scored = batch.step(np.arange(40), np.zeros((40, 2)))[3]["outcome"]
     fast, still = is_fluctuating(new, taught), is_non_moving(new, taught)
 
     assert 0 < fast.sum() < 40
@@ -96,24 +96,16 @@ def add(archive, trajectory):
 
 
 def test_what_was_accepted_is_known(archive, demonstrations):
-    repertoire = Repertoire(demonstrations, archive)
     basic, new = demonstrations.trajectories[4], demonstrations.trajectories[0] + 0.1
-    before = repertoire.distances(new)
+    before = archive.compare(ZERO, new[None])[0]
     add(archive, new)
-    after = repertoire.distances(new)
+    after, of_basic = archive.compare(np.zeros(2, np.int64), np.stack([new, basic]))
 
-    assert repertoire.distances(basic).argmin() == 4
-    assert repertoire.distances(basic).min() == 0.0
+    assert of_basic.argmin() == 4
+    assert of_basic.min() == 0.0
     assert before.min() > 0.0
-    assert np.array_equal(after, [*before, 0.0])  # to the basic actions it is as far as before
-    assert len(repertoire) == 1
-    assert np.array_equal(repertoire.accepted[0], new)
-
-
-def test_the_unit_of_the_reward_is_the_mean_distance_of_the_basic_actions(archive, demonstrations):
-    distances = dtw_matrix(demonstrations.trajectories)
-
-    assert Repertoire(demonstrations, archive).scale == pytest.approx(distances[np.triu_indices(6, 1)].mean())
+    assert np.array_equal(after[:7], [*before[:6], 0.0])  # to the basic actions it is as far as before
+    assert np.array_equal(archive.accepted(0), [new])
 
 
 def test_the_measures_of_two_actions_by_hand(archive, demonstrations):
@@ -122,7 +114,7 @@ def test_the_measures_of_two_actions_by_hand(archive, demonstrations):
         add(archive, trajectory)
     to_basic = dtw_matrix([first, second], demonstrations.trajectories).min(axis=1)
 
-    assert Repertoire(demonstrations, archive).measures(n_tried=4) == {
+    assert archive.measures(0, n_tried=4) == {
         "appropriateness_pct": 50.0,
         "novelty": pytest.approx(to_basic.mean()),
         "diversity": pytest.approx(dtw(first, second)),
@@ -130,12 +122,11 @@ def test_the_measures_of_two_actions_by_hand(archive, demonstrations):
 
 
 def test_measures_that_do_not_exist_are_none(archive, demonstrations):
-    repertoire = Repertoire(demonstrations, archive)
-    assert repertoire.measures(3) == {"appropriateness_pct": 0.0, "novelty": None, "diversity": None}
+    assert archive.measures(0, 3) == {"appropriateness_pct": 0.0, "novelty": None, "diversity": None}
 
     add(archive, demonstrations.trajectories[0])
-    assert repertoire.measures(3)["novelty"] == 0.0
-    assert repertoire.measures(3)["diversity"] is None
+    assert archive.measures(0, 3)["novelty"] == 0.0
+    assert archive.measures(0, 3)["diversity"] is None
 
 
 class Scripted:

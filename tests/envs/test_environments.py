@@ -11,6 +11,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 import creative_nao
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError
+from creative_nao.measures import reward_scale
 from creative_nao.measures.outcome import ALL_OUTCOMES
 from creative_nao.model import shipped_memories, split_memories
 from creative_nao.robot import Renderer
@@ -88,8 +89,10 @@ def test_an_episode_has_thirty_actions_and_ends_with_the_three_measures(name):
 def test_every_reward_term_is_in_info(env):
     finished = [step for step in play(env, 1, 4)[1:] if "outcome" in step[4]]
     assert len(finished) == 4
+    accepted = [step[4]["trajectory"] for step in finished if step[4]["appropriate"]]
+    assert np.array_equal(env.unwrapped.repertoire, accepted)
     for observation, reward, _, _, info in finished:
-        scale = env.unwrapped.repertoire.scale
+        scale = reward_scale(env.unwrapped.memory.demonstrations)
         assert env.observation_space.contains(observation)
         assert info["outcome"] in ALL_OUTCOMES
         assert info["appropriate"] == (info["outcome"] in ("learned", "unlearned"))

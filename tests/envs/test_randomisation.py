@@ -8,7 +8,7 @@ import pytest
 
 import creative_nao  # noqa: F401 - registers the environments
 from creative_nao.demonstrations import load_demonstrations
-from creative_nao.envs.randomised_robot import RandomisedRobot, VariationRanges
+from creative_nao.envs.boxing_envs import RandomisedRobot, VariationRanges
 from creative_nao.errors import SettingsError
 from creative_nao.robot import Performer, RobotVariation, Scene, first_failure
 
