@@ -40,8 +40,8 @@ load_agent = load_bundle
 
 
 def __getattr__(name: str) -> Any:
-    """Load a policy over cells, and with it torch, when it is named: RL Zoo imports it from here."""
-    if name in ("CellPolicy", "CellSACPolicy"):
+    """Load what needs torch when it is named: RL Zoo imports it from here."""
+    if name in ("CellPolicy", "CellSACPolicy", "FlippedSwappedAxes"):
         from creative_nao.agents import cells
 
         return getattr(cells, name)

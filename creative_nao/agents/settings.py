@@ -36,11 +36,14 @@ CELL_POLICY = "creative_nao.agents.CellPolicy"
 """PPO's policy over the cells of the PB space, by a dotted path as RL Zoo reads it."""
 CELL_SAC_POLICY = "creative_nao.agents.CellSACPolicy"
 """The same for SAC."""
+AUGMENTATION = "creative_nao.agents.FlippedSwappedAxes"
+"""The one `vec_env_wrapper` there is: training episodes with flipped and swapped PB axes."""
 RELEASED_NAMES = {
+    "creative_nao.agents.augmentation.FlippedSwappedAxes": AUGMENTATION,
     "creative_nao.agents.cell_policy.CellPolicy": CELL_POLICY,
     "creative_nao.agents.cell_sac.CellSACPolicy": CELL_SAC_POLICY,
 }
-"""Names of policies in files of release 0.1.0; a name is looked up here, and nothing is imported by it."""
+"""Names in files of release 0.1.0; a name is looked up here, and nothing is imported by it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,9 +51,6 @@ class Algorithm:
     """One learning algorithm.
 
     Attributes:
-        name: As RL Zoo calls it.
-        package: `stable_baselines3` or `sb3_contrib`.
-        class_name: Its class there.
         on_policy: Whether it learns from whole rollouts of its present policy, and keeps no replay buffer.
         policies: Names of policies it may have; the first is the default.
         acting: Prefix of the weights that choosing an action needs; a bundle keeps these only.
@@ -168,8 +168,6 @@ def nets_of(value: Any) -> dict[str, tuple[int, ...]]:
 
 
 FOLDER = Path(__file__).parent / "hyperparams"
-AUGMENTATION = "creative_nao.agents.augmentation.FlippedSwappedAxes"
-"""The one `vec_env_wrapper` there is, as RL Zoo reads it: training episodes with flipped and swapped PB axes."""
 MAX_ROLLOUT = 10_000_000
 """Decisions of all copies between two updates; they are kept in memory."""
 _OWN_KEYS = (
@@ -323,7 +321,7 @@ def _checked_entry(algorithm: str, entry: Any) -> Hyperparameters:
             f"`normalize` should be false, but is {shown(entry['normalize'])}: observations already lie in [-1, 1], "
             "and a bundle holds no running statistics"
         )
-    wrapper = entry.get("vec_env_wrapper")
+    wrapper = RELEASED_NAMES.get(str(entry.get("vec_env_wrapper")), entry.get("vec_env_wrapper"))
     if wrapper not in (None, AUGMENTATION):
         raise SettingsError(f"`vec_env_wrapper` should be {AUGMENTATION}, or left out, but is {shown(wrapper)}")
     policy = str(entry.get("policy", known.policies[0]))
@@ -404,10 +402,7 @@ def check_rollout(n_envs: int, n_steps: int, batch_size: int) -> None:
 
 
 def parse_literal(text: str, where: str) -> Any:
-    """Return the value that a Python expression describes; an activation as its name with the prefix ``nn.``.
-
-    Raises:
-        SettingsError: If it holds anything but what is named at the top; it begins with `where`.
+    """Return the value that a Python expression describes; a `SettingsError` if it holds anything but the kinds above.
 
     Example:
         >>> parse_literal("dict(net_arch=[64, 64], activation_fn=nn.ReLU)", "policy_kwargs")

@@ -174,7 +174,7 @@ def make_model(chosen: Hyperparameters, env_id: str, *, seed: int, env_kwargs: d
     from stable_baselines3.common.noise import NormalActionNoise
     from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-    from creative_nao.agents.augmentation import FlippedSwappedAxes
+    from creative_nao.agents.cells import FlippedSwappedAxes
     from creative_nao.envs import SB3VecEnv
 
     torch.set_num_threads(1)  # networks this small gain nothing from more, and lose much on busy cores

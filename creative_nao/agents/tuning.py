@@ -97,8 +97,8 @@ def tune(
     about = {"start": start.as_zoo(), "algorithm": known.name, "env": plan.env, "seed": plan.seed}
     about["n_judged_seeds"] = plan.n_judged_seeds
     kept = study.user_attrs.get("about", about)
-    policy = kept["start"]["policy"]
-    if {**kept, "start": {**kept["start"], "policy": RELEASED_NAMES.get(policy, policy)}} != about:
+    named = {name: RELEASED_NAMES.get(str(value), value) for name, value in kept["start"].items()}
+    if {**kept, "start": named} != about:
         raise SettingsError(f"{journal} is a search with other settings; give the same ones to go on, or another --out")
     study.set_user_attr("about", about)
     done = optuna.trial.TrialState.COMPLETE

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box
 
-from creative_nao.agents.augmentation import FlippedSwappedAxes, symmetries
+from creative_nao.agents.cells import FlippedSwappedAxes, symmetries
 from creative_nao.agents.settings import AUGMENTATION, check_entry
 from creative_nao.envs import SB3VecEnv
 from creative_nao.envs.observation import N_CELLS, cells_of
@@ -102,5 +102,7 @@ def test_hyperparameters_name_it_as_rl_zoo_does():
     assert chosen.augment
     assert check_entry("ppo", chosen.as_zoo(), "again") == chosen
     assert not check_entry("ppo", {}, "here").augment
+    released = "creative_nao.agents.augmentation.FlippedSwappedAxes"
+    assert check_entry("ppo", {"vec_env_wrapper": released}, "here") == chosen
     with pytest.raises(SettingsError, match=r"`vec_env_wrapper` should be creative_nao.* but is 'os.system'"):
         check_entry("ppo", {"vec_env_wrapper": "os.system"}, "here")
