@@ -42,15 +42,10 @@ class Stretch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Attribution:
-    """How each tick of a trajectory resembles each basic action.
-
-    Attributes:
-        distances: Distance per posture of each tick's best window from each basic action [rad], (n_steps, n_actions).
-        window_steps: Ticks in a window.
-        dt_s: Time of a tick [s].
-    """
+    """How each tick of a trajectory resembles each basic action, with windows of `window_steps` ticks of `dt_s` [s]."""
 
     distances: np.ndarray = field(repr=False)
+    """Distance per posture of each tick's best window from each basic action [rad], (n_steps, n_actions)."""
     window_steps: int
     dt_s: float
 
@@ -106,14 +101,11 @@ class Attribution:
 def attribution(trajectory: ArrayLike, demos: BasicActions, window_s: float = WINDOW_S) -> Attribution:
     """Tell for each tick of a trajectory which basic action it resembles; the module's text defines how.
 
-    Args:
-        trajectory: Joint angles [rad], shape (n_steps, n_joints), at the tick of `demos`.
-        demos: The basic actions.
-        window_s: Length of the window [s], rounded to whole ticks; a trajectory shorter than that is one window.
+    The trajectory is (n_steps, n_joints) [rad] at the tick of `demos`. The window of `window_s` [s] is rounded to whole
+    ticks, at least two; a trajectory shorter than that is one window.
 
     Raises:
         ShapeError: If `trajectory` is not finite, is empty or does not have the joints of the basic actions.
-        SettingsError: If `window_s` is shorter than two ticks.
 
     Example:
         >>> from creative_nao.demonstrations import load_demonstrations

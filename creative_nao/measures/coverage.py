@@ -21,16 +21,12 @@ NEAREST_K = 5
 
 @dataclass(frozen=True)
 class DensityCoverage:
-    """Attributes of a generated set beside a reference set.
-
-    Attributes:
-        density: How many balls of reference items a generated item lies in, divided by k; at least 0, 1 is expected
-            where both sets come from one distribution. High where generated items crowd where the reference does.
-        coverage: Share of the reference items in whose ball a generated item lies, in [0, 1]; more is better.
-    """
+    """How a generated set lies beside a reference set."""
 
     density: float
+    """Mean number of reference items' balls that a generated item lies in over k; 1 expected of one distribution."""
     coverage: float
+    """Share of the reference items in whose ball a generated item lies, in [0, 1]; more is better."""
 
 
 def density_coverage(
@@ -72,16 +68,12 @@ def density_coverage(
 
 @dataclass(frozen=True)
 class GridQuality:
-    """Figures of a filled grid.
-
-    Attributes:
-        qd_score: Sum over the filled cells of the best quality in each (Pugh et al. 2015); more is better.
-        coverage: Share of the cells that hold something, in [0, 1] (Mouret and Clune 2015); more is better.
-        n_filled: Cells that hold something.
-    """
+    """Figures of a filled grid."""
 
     qd_score: float
+    """Sum over the filled cells of the best quality in each (Pugh et al. 2015); more is better."""
     coverage: float
+    """Share of the cells that hold something, in [0, 1] (Mouret and Clune 2015); more is better."""
     n_filled: int
 
 

@@ -30,19 +30,15 @@ LENGTH_SCALE_RAD = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """A measure over repeated random samples.
-
-    Attributes:
-        mean: Mean over the samples.
-        std: Standard deviation over the samples (n - 1 in the denominator; 0 for a single sample).
-        values: The measure of each sample, shape (n_draws,).
-        n_samples: Actions in each sample: as many as asked for, or all where there were fewer.
-    """
+    """A measure over repeated random samples."""
 
     mean: float
     std: float
+    """Standard deviation over the samples (n - 1 in the denominator; 0 for a single sample)."""
     values: np.ndarray = field(repr=False)
+    """The measure of each sample, shape (n_draws,)."""
     n_samples: int
+    """Actions in each sample: as many as asked for, or all where there were fewer."""
 
     @classmethod
     def of(cls, values: np.ndarray, n_samples: int) -> Draws:
@@ -161,26 +157,18 @@ def diversity(
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The figures of the paper's Table I for one set of actions.
-
-    Attributes:
-        unlearned_pct: Share that is appropriate and far from every basic action [%].
-        learned_pct: Share that is appropriate and close to one [%].
-        appropriate_pct: Their sum [%].
-        fluctuating_pct: Share that is too fast [%].
-        non_moving_pct: Share that stands still [%].
-        novelty: Distance to the nearest basic action over random samples [rad]; None without an appropriate action.
-        diversity: Distance between actions over random samples [rad]; None with fewer than two appropriate actions.
-        n_trajectories: Size of the set.
-    """
+    """The figures of the paper's Table I for one set of actions: the share of each outcome [%], novelty, diversity."""
 
     unlearned_pct: float
     learned_pct: float
     appropriate_pct: float
+    """Sum of the two."""
     fluctuating_pct: float
     non_moving_pct: float
     novelty: Draws | None
+    """Distance to the nearest basic action over random samples [rad]; None without an appropriate action."""
     diversity: Draws | None
+    """Distance between actions over random samples [rad]; None with fewer than two appropriate actions."""
     n_trajectories: int
 
 
@@ -216,12 +204,10 @@ def table(
 
 @dataclass(frozen=True, eq=False)
 class FarthestPoints:
-    """A greedy selection of actions.
+    """A greedy selection of actions; `indices` are the chosen trajectories in the order of choice, shape (n,).
 
-    Attributes:
-        indices: The chosen trajectories in the order of choice, shape (n,).
-        rewards: What each choice earns: its smallest distance to the basic actions and to the choices before it,
-            divided by the mean distance between the basic actions, shape (n,). They never rise.
+    `rewards`, shape (n,), are what each choice earns: its smallest distance to the basic actions and to the choices
+    before it, divided by the mean distance between the basic actions. They never rise.
     """
 
     indices: np.ndarray

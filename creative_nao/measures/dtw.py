@@ -88,14 +88,10 @@ def dtw_matrix(list_a: Trajectories, list_b: Trajectories | None = None, dtype: 
     Args:
         list_a: Trajectories of shape (n_steps, n_joints), a list or one (n, n_steps, n_joints) array.
         list_b: The others, or None for `list_a` itself: each pair is then computed once.
-        dtype: float64 or float32, for arithmetic and result.
-
-    Returns:
-        Distances, shape (len_a, len_b), in the unit of the values.
+        dtype: float64 or float32, for arithmetic and result, which has shape (len_a, len_b).
 
     Raises:
         ShapeError: If a trajectory is not such an array, is empty or holds NaN or infinity, or joints do not match.
-        SettingsError: If `dtype` is something else.
     """
     kind = _arithmetic(dtype)
     first = _packed(list_a, "list_a", kind)
@@ -155,9 +151,7 @@ def _packed(series: Trajectories, name: str, dtype: np.dtype[Any], single: bool 
                 f"`{name}` should be a list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array "
                 f"of numbers, but has shape {series.shape} and type {series.dtype}."
             )
-        arrays = None
-        lengths = np.full(len(series), series.shape[1])
-        n_joints = series.shape[2]
+        arrays, lengths, n_joints = [series], np.full(len(series), series.shape[1]), series.shape[2]
     else:
         count_trajectories(series, name)
         arrays = [_trajectory(one, name if single else f"{name}[{k}]") for k, one in enumerate(series)]
@@ -176,13 +170,13 @@ def _packed(series: Trajectories, name: str, dtype: np.dtype[Any], single: bool 
         )
     offset = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
     width = -(-n_joints // 8) * 8
-    if arrays is None and width == n_joints:
-        values = np.ascontiguousarray(np.asarray(series).reshape(-1, n_joints), dtype)
+    if isinstance(series, np.ndarray):
+        arrays = [series.reshape(int(offset[-1]), n_joints)]
+    if len(arrays) == 1 and width == n_joints:
+        values = np.ascontiguousarray(arrays[0], dtype)
     else:
         values = np.zeros((int(offset[-1]), width), dtype)
-        if arrays is None:
-            values[:, :n_joints] = np.asarray(series).reshape(-1, n_joints)
-        elif arrays:
+        if arrays:
             np.concatenate(arrays, out=values[:, :n_joints], casting="same_kind")
     # A comparison with NaN is false, so this asks for finite values as well.
     if values.size and not (values.min() >= -MAX_VALUE and values.max() <= MAX_VALUE):

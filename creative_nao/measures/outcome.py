@@ -198,21 +198,18 @@ def _blocks(trajectories: Trajectories) -> Iterator[tuple[int, np.ndarray]]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scores:
-    """The measures of n trajectories.
-
-    Attributes:
-        outcome: One of `OUTCOMES` each, shape (n,) of str.
-        novelty: Distance to the nearest basic action [rad], shape (n,).
-        nearest: Which basic action that is, shape (n,) of int.
-        distances: Distance to every basic action [rad], shape (n, n_actions).
-        appropriate: Whether the outcome is learned or unlearned, shape (n,) of bool.
-    """
+    """The measures of n trajectories."""
 
     outcome: np.ndarray
+    """One of `OUTCOMES` each, shape (n,) of str."""
     novelty: np.ndarray
+    """Distance to the nearest basic action [rad], shape (n,)."""
     nearest: np.ndarray
+    """Which basic action that is, shape (n,) of int."""
     distances: np.ndarray
+    """Distance to every basic action [rad], shape (n, n_actions)."""
     appropriate: np.ndarray
+    """Whether the outcome is learned or unlearned, shape (n,) of bool."""
 
     def __len__(self) -> int:
         return len(self.outcome)
