@@ -186,13 +186,10 @@ def _tick(w_in, w_out, w_hidden, b_out, starts, rate, references, drive, x, u, y
 
 @compiled()
 def advance(net, pb, first, codes, states, activities, angles):
-    """Run single points one after the other from tick `first` of `angles` on, in closed loop.
+    """Run single points one after the other in closed loop; writes `angles`, (n, n_ticks, n_joints), from `first` on.
 
-    Args:
-        net: `generation.Weights` with a row for each presynaptic unit.
-        pb: PB values, (n, 1 or n_ticks, n_pb); with one row they are constant.
-        codes, states, activities: What each point reads next, u and y, (n, n_codes or n_hidden); changed.
-        angles: Where the joint angles go, (n, n_ticks, n_joints); rows before `first` are not written.
+    `net` has a row for each presynaptic unit; `pb` is (n, 1 or n_ticks, n_pb), constant with one row; the next input,
+    u and y of each point are changed.
     """
     w_in, w_out, w_hidden, w_pb, b_out, b_hidden, starts, rate, references = net
     code = np.empty(codes.shape[1], F)

@@ -163,17 +163,9 @@ _STREAM = 1
 
 
 def closed_loop_ratios(training: TrainingSettings, start: int, stop: int) -> np.ndarray:
-    """Return the closed-loop ratio of each epoch from `start` to `stop`, counted from 0.
+    """Return the closed-loop ratio of each epoch from `start` (counted from 0) up to `stop`, float64 in [0, 1].
 
     The ratio of an epoch depends on the settings alone, not on where a run was interrupted or how long it is.
-
-    Args:
-        training: `closed_loop_ratio`, `schedule`, `anneal_epochs` and `seed` matter.
-        start: First epoch.
-        stop: Epoch after the last.
-
-    Returns:
-        Shape (stop - start,), float64, in [0, 1].
     """
     final = training.closed_loop_ratio
     if training.schedule == "annealed":
@@ -185,15 +177,8 @@ def closed_loop_ratios(training: TrainingSettings, start: int, stop: int) -> np.
 
 
 def candidates(training: TrainingSettings, ratios: np.ndarray) -> np.ndarray:
-    """Tell which epochs may be the best one: those whose ratio lies within a tenth of the one asked for.
+    """Return which epochs, given by their ratios, may be the best: those within a tenth of the ratio asked for.
 
     The loss is easier at a lower ratio, so that losses of different ratios say nothing about each other.
-
-    Args:
-        training: The settings.
-        ratios: Closed-loop ratio of each epoch.
-
-    Returns:
-        Shape of `ratios`, bool; all True for a constant ratio.
     """
     return ratios >= 0.9 * training.closed_loop_ratio

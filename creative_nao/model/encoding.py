@@ -130,19 +130,15 @@ def encoding_of(demonstrations: Demonstrations, network: NetworkSettings) -> Sof
 
 
 def target_codes(encoding: SoftmaxEncoding, trajectories: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Encode actions of any lengths into one array, as training needs them.
-
-    Args:
-        encoding: The softmax code.
-        trajectories: Joint angles [rad], each (n_steps, n_joints).
+    """Encode actions of any lengths, each (n_steps, n_joints) [rad], for training.
 
     Returns:
         Codes, shape (n_actions, longest, n_codes) float32, the rows past an action's end filled with its last posture;
         and the lengths, shape (n_actions,).
     """
     lengths = np.array([len(trajectory) for trajectory in trajectories])
-    codes = []
-    for trajectory in trajectories:
-        padding = [(0, int(lengths.max()) - len(trajectory)), (0, 0)]
-        codes.append(encoding.encode(np.pad(trajectory, padding, mode="edge")))
+    codes = [
+        encoding.encode(np.pad(trajectory, [(0, lengths.max() - len(trajectory)), (0, 0)], mode="edge"))
+        for trajectory in trajectories
+    ]
     return np.maximum(np.array(codes), TARGET_FLOOR).astype(np.float32), lengths

@@ -23,7 +23,7 @@ from creative_nao.model.encoding import SoftmaxEncoding
 from creative_nao.runtime import usable_cores
 
 BATCH = 64
-"""Most points in a compiled batch: a multiple of `matmul.PANEL`, and all activations still lie in a fast cache."""
+"""Most points in a compiled batch: all activations still lie in a fast cache."""
 DIFFERENTIATED_BATCH = 32
 """The same where derivatives are computed too."""
 FEW_POINTS = 2
@@ -98,8 +98,8 @@ class ClosedLoopGenerator:
             np.float32(1) / layer_time_constants(settings),
             encoding.references.astype(np.float32),
         )
-        self._by_presynaptic = Weights(*weights, *rest)
-        self._by_postsynaptic = Weights(*(np.ascontiguousarray(array.T) for array in weights), *rest)
+        self._by_presynaptic = Weights._make([*weights, *rest])
+        self._by_postsynaptic = Weights._make([*(np.ascontiguousarray(array.T) for array in weights), *rest])
         self._encoding = encoding
         self._set_posture(initial_posture)
 
@@ -143,18 +143,22 @@ class ClosedLoopGenerator:
         return out
 
     def _batch(self, pb: np.ndarray, n_steps: int, slow_states: np.ndarray | None) -> np.ndarray:
-        from creative_nao.model.compiled_generation import PANEL, generate_batch
-
-        n, width = len(pb), -(-len(pb) // PANEL) * PANEL
+        n = len(pb)
+        width = _columns(n)
         rows = pb if pb.ndim == 3 else pb[:, None]
         points = np.zeros((rows.shape[1], self.n_pb, width), np.float32)
         points[:, :, :n] = rows.transpose(1, 2, 0)
         states = np.zeros((self.n_hidden, width), np.float32)
         if slow_states is not None:
             states[-self.n_slow :, :n] = slow_states.T
-        angles = np.zeros((n_steps, self._encoding.n_joints, width), np.float32)
-        generate_batch(self._by_postsynaptic, width, points, self._initial_code, states, angles)
-        return angles[:, :, :n].transpose(2, 0, 1)
+        return self._run_batch(width, points, states, n_steps)[:, :, :n].transpose(2, 0, 1)
+
+    def _run_batch(self, n_points: int, pb: np.ndarray, states: np.ndarray, n_steps: int) -> np.ndarray:
+        from creative_nao.model.compiled_generation import generate_batch
+
+        angles = np.zeros((n_steps, self._encoding.n_joints, pb.shape[2]), np.float32)
+        generate_batch(self._by_postsynaptic, n_points, pb, self._initial_code, states, angles)
+        return angles
 
     def differentiate(self, unknowns: np.ndarray, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
         """Generate with the derivatives of the angles by the PB values and, if given, by the states of P_S at tick 0.
@@ -167,11 +171,9 @@ class ClosedLoopGenerator:
             Joint angles [rad], (n_steps, n_joints, n), and their derivatives, (n_steps, n_joints, k, n), float32;
             row 0, the initial posture, holds zeros in both.
         """
-        from creative_nao.model.compiled_generation import PANEL, generate_batch
-
         n, k = unknowns.shape
         n_points = -(-n // 16) * 16  # as many as one instruction works on
-        width = -(-(1 + k) * n_points // PANEL) * PANEL
+        width = _columns((1 + k) * n_points)
         # One row for each unknown: its values, then 1 where it is differentiated by itself.
         inputs = np.zeros((k, width), np.float32)
         inputs[:, :n] = unknowns.T
@@ -180,9 +182,7 @@ class ClosedLoopGenerator:
         states = np.zeros((self.n_hidden, width), np.float32)
         if k > self.n_pb:
             states[-self.n_slow :] = inputs[self.n_pb :]
-        angles = np.zeros((n_steps, self._encoding.n_joints, width), np.float32)
-        pb = inputs[None, : self.n_pb]
-        generate_batch(self._by_postsynaptic, n_points, pb, self._initial_code, states, angles)
+        angles = self._run_batch(n_points, inputs[None, : self.n_pb], states, n_steps)
         blocks = angles[:, :, : (1 + k) * n_points].reshape(n_steps, -1, 1 + k, n_points)[..., :n]
         return blocks[:, :, 0], blocks[:, :, 1:]
 
@@ -222,6 +222,13 @@ class ClosedLoopGenerator:
             trajectories[:, 0] = self.initial_posture
         rollout.tick += n_ticks
         return trajectories
+
+
+def _columns(n: int) -> int:
+    """Return the columns of a compiled batch of `n` numbers in a row."""
+    from creative_nao.model.matmul import PANEL, line_up
+
+    return line_up(n, PANEL)
 
 
 def pb_points(value: ArrayLike, n_pb: int, name: str, least: int = 0) -> np.ndarray:

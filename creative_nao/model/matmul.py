@@ -154,13 +154,7 @@ def multiply_panel(
 def multiply_panels(lay, first_panel, rows, rows_at, weights, start, start_row, out):
     """Multiply the rows of all actions at one tick with packed weights: out = start + rows weights, from a panel on.
 
-    Args:
-        lay: A `Layout`.
-        first_panel: Panels before this one are left out.
-        rows: Array that holds the rows, `lay.row` apart, the first at `rows_at`.
-        weights: Panels as in the packed vector.
-        start: Rows that the sums begin with, `start_row` apart.
-        out: Rows of the result, `lay.row` apart.
+    The first row lies at `rows_at`; rows and results are `lay.row` apart, what the sums begin with `start_row`.
     """
     for p in range(first_panel, lay.low.size):
         multiply_panel(
@@ -207,13 +201,7 @@ def aligned(*shape: int) -> np.ndarray:
 
 
 class Packing:
-    """Translates between the flat vector of `config.parameter_shapes` and the packed one.
-
-    Args:
-        settings: Sizes of the network.
-        n_codes: Length of a posture's softmax code.
-        n_actions: Actions to learn.
-    """
+    """Translates between the flat vector of `config.parameter_shapes` and the packed one."""
 
     def __init__(self, settings: NetworkSettings, n_codes: int, n_actions: int) -> None:
         self.shapes: Shapes = parameter_shapes(settings, n_codes, n_actions)

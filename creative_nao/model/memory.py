@@ -218,6 +218,7 @@ class Memory:
     def _repr_html_(self) -> str:
         """Return the map over the first two PB units for a notebook: the nearest basic action of each point."""
         import matplotlib
+        from matplotlib.colors import to_hex
         from matplotlib.image import imsave
 
         axis = np.linspace(-1.0, 1.0, PREVIEW_RESOLUTION)
@@ -230,7 +231,7 @@ class Memory:
         picture = io.BytesIO()
         imsave(picture, image, format="png", origin="lower")
         legend = [
-            f'<span style="color:{matplotlib.colors.to_hex(colour)}">&#9632;</span> {html.escape(name)}'
+            f'<span style="color:{to_hex(colour)}">&#9632;</span> {html.escape(name)}'
             for colour, name in zip(colours, self.demonstrations.names, strict=True)
         ]
         return (

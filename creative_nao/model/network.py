@@ -107,13 +107,7 @@ def kl_divergence(log_predicted: Tensor, target: Tensor, lengths: Tensor) -> Ten
 
 
 class ReferenceTraining:
-    """Training epochs by torch's automatic differentiation and its Adam; used like `CompiledNetwork`.
-
-    Args:
-        settings: Sizes and time constants.
-        codes: Target codes, (n_actions, longest, n_codes) float32, positive.
-        lengths: Steps of each action, (n_actions,).
-    """
+    """Training epochs by torch's automatic differentiation and its Adam; made and used like `CompiledNetwork`."""
 
     def __init__(self, settings: NetworkSettings, codes: np.ndarray, lengths: np.ndarray) -> None:
         self._net = PBMTRNN(settings, codes.shape[2], len(codes))

@@ -160,7 +160,7 @@ def _integers(kind: ir.Type) -> tuple[ir.Type, Any]:
     return whole, lambda value: ir.Constant(whole, [value] * kind.count if isinstance(kind, ir.VectorType) else value)
 
 
-def _emit_power_of_two(builder: ir.IRBuilder, exponent: ir.Value) -> ir.Value:
+def _emit_power_of_two(builder: Any, exponent: Any) -> Any:
     """Emit 2^exponent for whole exponents from -126 to 127, by writing the exponent's bits."""
     whole, number = _integers(exponent.type)
     biased = builder.add(builder.fptosi(exponent, whole), number(127))
@@ -170,7 +170,7 @@ def _emit_power_of_two(builder: ir.IRBuilder, exponent: ir.Value) -> ir.Value:
 _HALF_ROOT = 0x3F3504F3  # bits of sqrt(1/2): mantissas are taken from [sqrt(1/2), sqrt(2))
 
 
-def _emit_exponent(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
+def _emit_exponent(builder: Any, value: Any) -> Any:
     """Emit the whole number e of value = m 2^e, m in [sqrt(1/2), sqrt(2)), value positive and normal."""
     whole, number = _integers(value.type)
     bits = builder.sub(builder.bitcast(value, whole), number(_HALF_ROOT))

@@ -71,14 +71,8 @@ def make_engine(
 ) -> Callable[[TrainingState, np.ndarray], None]:
     """Return a function that advances a state in place: `advance(state, ratios)`, one closed-loop ratio per epoch.
 
-    Args:
-        network: Sizes and time constants.
-        training: Learning rate, schedule of the ratio, and the name of the engine.
-        codes: Target codes, (n_actions, longest, n_codes) float32, from `encoding.target_codes`.
-        lengths: Steps of each action.
-
-    Raises:
-        TrainingError: (the returned function) If the loss is not finite; the state stays at the last good epoch.
+    `codes` and `lengths` are those of `encoding.target_codes`. The function raises TrainingError where the loss is not
+    finite; the state stays at the last good epoch.
     """
     if training.engine == "fused":
         from creative_nao.model.compiled_training import CompiledNetwork
