@@ -6,7 +6,7 @@ Every environment, single or vectorised, is a face of this one class, so that th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -34,20 +34,6 @@ from creative_nao.schema import Count, checked
 EPISODE_ACTIONS = 30
 """Actions in an episode: the sample size of the paper's measures."""
 _OUTCOME_NAMES = np.array(ALL_OUTCOMES, dtype=object)
-
-
-class Distances(NamedTuple):
-    """How m movements compare, before any of them is scored; arrays over them.
-
-    Attributes:
-        to_known: DTW distance to everything the robot knows [rad], (m, lanes), as `RepertoireArchive.compare` returns.
-        too_fast: Whether a joint is commanded faster than allowed, (m,) of bool.
-        excursion: How far the most moving joint travels [rad], (m,).
-    """
-
-    to_known: np.ndarray
-    too_fast: np.ndarray
-    excursion: np.ndarray
 
 
 class EpisodeBatch:
@@ -133,12 +119,7 @@ class EpisodeBatch:
         self._excursion_limit[env_id] = spec.excursion_limit
 
     def reset(self, env_id: int, wanted: str | None, rng: Callable[[], np.random.Generator]) -> None:
-        """Begin an episode of one environment.
-
-        Args:
-            env_id: Which.
-            wanted: Name of the memory to take, or None to draw one.
-            rng: Called for a generator if one is needed.
+        """Begin an episode, with the memory named `wanted` or one drawn with `rng()`.
 
         Raises:
             NotFoundError: If there is no such memory in this environment.
@@ -215,35 +196,28 @@ class EpisodeBatch:
             (generated,) = self.threads.map_rows(generate, len(env_ids), order)
             return self._execute_and_score(env_ids, pb[:, None], generated)
         generated, *distances = self.threads.map_rows(generate_and_compare, len(env_ids), order)
-        return self._score(env_ids, pb[:, None], generated, Distances(*distances))
+        return self._score(env_ids, pb[:, None], generated, distances)
 
     def _generate(self, env_ids: np.ndarray, pb: np.ndarray) -> np.ndarray:
-        """Return the movements of PB points (m, n_pb), each by the memory of its environment; (m, n_steps, n_joints).
-
-        Raises:
-            ShapeError: If a memory does not return the trajectories it should.
-        """
+        """Return the movements (m, n_steps, n_joints) of PB points, each by the memory of its environment."""
         first = self.specs[env_ids[0]]
         if all(self.specs[env_id] is first for env_id in env_ids):
-            return _generated(first, pb)
+            return first.generate(pb)
         out = np.empty((len(env_ids), first.n_steps, len(first.demonstrations.joints)))
-        groups: dict[int, list[int]] = {}
+        groups: dict[str, list[int]] = {}
         for row, env_id in enumerate(env_ids):
-            groups.setdefault(id(self.specs[env_id]), []).append(row)
+            groups.setdefault(self.specs[env_id].name, []).append(row)
         for rows in groups.values():
-            out[rows] = _generated(self.specs[env_ids[rows[0]]], pb[rows])
+            out[rows] = self.specs[env_ids[rows[0]]].generate(pb[rows])
         return out
 
-    def _compare(self, env_ids: np.ndarray, generated: np.ndarray, trajectories: np.ndarray) -> Distances:
-        """Compare a movement of each robot with what it knows. Changes nothing, so that threads may share the work.
+    def _compare(
+        self, env_ids: np.ndarray, generated: np.ndarray, trajectories: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return of movements as commanded and as executed, both (m, n_steps, n_joints), what `_score` asks for.
 
-        Args:
-            env_ids: Whose movements these are, shape (m,).
-            generated: What was commanded [rad], (m, n_steps, n_joints).
-            trajectories: What was executed [rad], the same shape.
-
-        Raises:
-            ShapeError: If an angle is not finite.
+        These are the DTW distances to everything known [rad], (m, lanes); whether a joint is too fast, (m,) of bool;
+        how far the most moving joint travels [rad], (m,). Changes nothing, so that threads may share the work.
         """
         too_fast, excursion = np.zeros(len(env_ids), bool), np.zeros(len(env_ids))
         bad = measure_rows(env_ids, generated, trajectories, self._dt_s, self._speed_limit, too_fast, excursion)
@@ -252,7 +226,7 @@ class EpisodeBatch:
                 f"a memory should generate, and a robot measure, finite angles, but movement {bad} of "
                 f"{len(env_ids)} holds one that is not"
             )
-        return Distances(self.archive.compare(env_ids, trajectories), too_fast, excursion)
+        return self.archive.compare(env_ids, trajectories), too_fast, excursion
 
     def _execute_and_score(
         self, env_ids: np.ndarray, pb: np.ndarray, generated: np.ndarray
@@ -263,7 +237,7 @@ class EpisodeBatch:
         distances = self.threads.map_rows(
             lambda rows: self._compare(env_ids[rows], generated[rows], trajectories[rows]), len(env_ids)
         )
-        reward, terms = self._score(env_ids, pb, trajectories, Distances(*distances), executions)
+        reward, terms = self._score(env_ids, pb, trajectories, distances, executions)
         if executions is not None:
             terms |= {name: np.array([one.figures[name] for one in executions]) for name in executions[0].figures}
             captions = zip(terms["outcome"], terms["nearest_name"], reward, strict=True)
@@ -276,20 +250,12 @@ class EpisodeBatch:
         env_ids: np.ndarray,
         pb: np.ndarray,
         trajectories: np.ndarray,
-        distances: Distances,
+        distances: Sequence[np.ndarray],
         executions: Sequence[Execution] | None = None,
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Score a movement of each environment; appropriate ones join the repertoires, observations are updated.
+        """Score movements (m, n_steps, n_joints) of PB vectors (m, n, n_pb); update repertoires and observations.
 
-        Args:
-            env_ids: Whose movements these are, shape (m,).
-            pb: The PB vectors of each, (m, n, n_pb).
-            trajectories: What was executed [rad], (m, n_steps, n_joints).
-            distances: Those of `_compare`.
-            executions: What physics said of them; None without it.
-
-        Returns:
-            The rewards, (m,), and the terms of `info`, arrays over the movements by name.
+        Returns the rewards, (m,), and the terms of `info`, arrays over the movements by name.
         """
         archive, fault = self.archive, None
         if executions is not None:
@@ -361,13 +327,3 @@ class EpisodeBatch:
         """End the threads and free what drawing took; may be called again."""
         self.threads.close()
         self.recorder.close()
-
-
-def _generated(spec: RewardSpec, pb: np.ndarray) -> np.ndarray:
-    trajectories = spec.memory.generate(pb)
-    expected = len(pb), spec.n_steps, len(spec.demonstrations.joints)
-    if np.shape(trajectories) != expected:
-        raise ShapeError(
-            f"memory `{spec.name}` should generate trajectories of shape {expected}, but gave {np.shape(trajectories)}"
-        )
-    return np.ascontiguousarray(trajectories, dtype=np.float64)

@@ -10,7 +10,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.errors import NotFoundError, SettingsError, nearest_name, shown
+from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name, shown
 from creative_nao.measures import Criteria, excursion_limit, reward_scale, speed_limits
 from creative_nao.measures.outcome import SPEED_TOLERANCE
 from creative_nao.model import SPLITS, load_memory, split_memories
@@ -82,6 +82,21 @@ class RewardSpec:
     def demonstrations(self) -> Demonstrations:
         """Its basic actions."""
         return self.memory.demonstrations
+
+    def generate(self, pb: np.ndarray) -> np.ndarray:
+        """Return the movements of PB points (n, n_pb), (n, n_steps, n_joints) [rad].
+
+        Raises:
+            ShapeError: If the memory does not return trajectories of this shape.
+        """
+        trajectories = self.memory.generate(pb)
+        expected = len(pb), self.n_steps, len(self.demonstrations.joints)
+        if np.shape(trajectories) != expected:
+            raise ShapeError(
+                f"memory `{self.name}` should generate trajectories of shape {expected}, "
+                f"but gave {np.shape(trajectories)}"
+            )
+        return np.ascontiguousarray(trajectories, dtype=np.float64)
 
     @property
     def form(self) -> tuple[Any, ...]:

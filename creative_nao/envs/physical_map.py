@@ -41,17 +41,7 @@ from creative_nao.model import Memory
 from creative_nao.model.config import check_kind
 from creative_nao.robot import PhysicalLimits, first_failure
 from creative_nao.runtime import record as provenance
-from creative_nao.schema import (
-    AfterValidator,
-    Field,
-    Index,
-    Names,
-    NonNegative,
-    Text,
-    Version1,
-    parse,
-    record,
-)
+from creative_nao.schema import AfterValidator, Field, Index, Names, NonNegative, Text, Version1, dump, parse, record
 from creative_nao.storage import write_bytes
 
 KIND = "physical PB map"
@@ -151,17 +141,8 @@ class PhysicalMap(PBMap):
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the map to an NPZ file without pickle, in one step, and return its path."""
-        header = {
-            "kind": KIND,
-            "format_version": 1,
-            "resolution": self.resolution,
-            "n_done": self.n_done,
-            "names": list(self.names),
-            "outcomes": list(_CODES),
-            "wall_s": self.wall_s,
-            "cpu_s": self.cpu_s,
-            "record": self.record,
-        }
+        own = {name: getattr(self, name) for name in ("resolution", "n_done", "names", "wall_s", "cpu_s", "record")}
+        header = dump(PhysicalMapHeader(kind=KIND, format_version=1, outcomes=_CODES, **own))
         arrays: dict[str, Any] = {
             "header": np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8),
             "nearest": self.nearest.astype(np.int16),
@@ -263,10 +244,9 @@ def physical_map(
         FileFormatError: If the checkpoint is torn or foreign.
     """
     criteria, limits = criteria or Criteria(), limits or PhysicalLimits()
-    for kind, value, name in (
-        (Memory, memory, "memory"), (Criteria, criteria, "criteria"), (PhysicalLimits, limits, "limits"),
-    ):  # fmt: skip
-        check_kind(kind, value, name)
+    check_kind(Memory, memory, "memory")
+    check_kind(Criteria, criteria, "criteria")
+    check_kind(PhysicalLimits, limits, "limits")
     if memory.network.n_pb != 2 or memory.joints != JOINTS:
         raise SettingsError(
             f"a physical map needs a memory with n_pb = 2 and the joints {', '.join(JOINTS)}, "
@@ -292,29 +272,15 @@ def physical_map(
 def _blank(memory: Memory, resolution: int, criteria: Criteria, limits: PhysicalLimits) -> PhysicalMap:
     pb = pb_grid(resolution)
     settings = {
-        "memory": memory.name,
-        "sha256": fingerprint(memory),
-        "resolution": resolution,
-        "criteria": vars(criteria),
-        "limits": vars(limits),
-    }
-    n = len(pb)
+        "memory": memory.name, "sha256": fingerprint(memory), "resolution": resolution,
+        "criteria": vars(criteria), "limits": vars(limits),
+    }  # fmt: skip
+    n, none = len(pb), np.full(len(pb), "", dtype="<U16")
     return PhysicalMap(
-        resolution=resolution,
-        pb=pb,
-        outcome=np.full(n, "", dtype="<U16"),
-        mental=np.full(n, "", dtype="<U16"),
-        fault=np.full(n, "", dtype="<U16"),
-        nearest=np.zeros(n, dtype=np.int64),
-        distance=np.zeros(n, dtype=np.float32),
-        figures={name: np.zeros(n, dtype=np.float32) for name in FIGURES},
-        learned_pb=memory.pb,
-        names=memory.demonstrations.names,
-        record=provenance(settings=settings),
-        n_done=0,
-        wall_s=0.0,
-        cpu_s=0.0,
-    )
+        resolution, pb, none, np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.float32), memory.pb,
+        memory.demonstrations.names, provenance(settings=settings), mental=none.copy(), fault=none.copy(),
+        figures={name: np.zeros(n, dtype=np.float32) for name in FIGURES}, n_done=0, wall_s=0.0, cpu_s=0.0,
+    )  # fmt: skip
 
 
 def fingerprint(memory: Memory) -> str:
@@ -323,10 +289,8 @@ def fingerprint(memory: Memory) -> str:
     Physical maps hold it, so it stays as it is; the explorer has another (`explorer.registry.content_hash`).
     """
     digest = hashlib.sha256(json.dumps(vars(memory.network), sort_keys=True, default=str).encode())
-    for array in (
-        *(memory.parameters[name] for name in sorted(memory.parameters)),
-        *memory.demonstrations.trajectories,
-    ):
+    parameters = [memory.parameters[name] for name in sorted(memory.parameters)]
+    for array in (*parameters, *memory.demonstrations.trajectories):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
@@ -334,12 +298,11 @@ def fingerprint(memory: Memory) -> str:
 def _continued(blank: PhysicalMap, checkpoint: Path) -> PhysicalMap:
     """Return what the checkpoint holds, if it was begun with the same settings."""
     partial = PhysicalMap.load(checkpoint, unfinished=True)
-    ours, theirs = blank.record["settings"], partial.record.get("settings", {})
-    for key, value in ours.items():
-        if theirs.get(key) != value:
+    theirs = partial.record.get("settings", {})
+    for key, value in blank.record["settings"].items():
+        if (other := theirs.get(key)) != value:
             raise SettingsError(
-                f"{checkpoint} was begun with {key} = {theirs.get(key)}, not {value}; "
-                "delete it or choose another checkpoint"
+                f"{checkpoint} was begun with {key} = {other}, not {value}; delete it or choose another checkpoint"
             )
     return partial
 
