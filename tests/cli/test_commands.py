@@ -59,7 +59,7 @@ def test_every_command_tells_its_options_with_defaults(name, capsys):
         (["map", "hlf/0"], "no memory `hlf/0` (did you mean `half/0`?)"),
         (["map", "half/0", "--resolution", "many"], "invalid literal for int() with base 10: 'many'"),
         (["map", "half/0", "--resolution", "1"], "`resolution` should be at least 2, but is 1"),
-        (["map", "half/0", "--out", "map.txt"], "--out should end in .npz, but is map.txt"),
+        (["map", "half/0", "--out", "map.txt"], "--out should end in .npz or .safetensors, but is map.txt"),
         (["train", "--out", "m", "--closed-loop-ratio", "2"], "`closed_loop_ratio` should be at most 1, but is 2.0"),
         (["train", "--out", "m", "--engine", "gpu"], "invalid choice 'gpu'"),
         (["train", "--out", "m", "--sed", "1"], "--sed"),
