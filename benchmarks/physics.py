@@ -93,7 +93,7 @@ def servos() -> None:
 
 def gain_row(label: str, settings: ServoSettings, armature: float = 1.0) -> list[str]:
     scene = bare_scene(servos=settings)
-    scene.model.dof_armature[scene.index.arm_dof] *= armature
+    scene.model.dof_armature[[scene.index.dof[joint] for joint in JOINTS]] *= armature
     mujoco.mj_setConst(scene.model, mujoco.MjData(scene.model))
     performer = Performer(scene)
     cells = [label]

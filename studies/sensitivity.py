@@ -24,7 +24,7 @@ from dtw_variants import dtw_variant_matrix
 from creative_nao import storage
 from creative_nao.cli.terminal import Display
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
-from creative_nao.demonstrations.resampling import monotone_cubic
+from creative_nao.demonstrations.files import monotone_cubic
 from creative_nao.errors import CreativeNaoError, SettingsError
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Entry, Report, entry_of, shipped_bank, wanted_networks
 from creative_nao.evaluation.paper.claims import DECIDED_BY_TABLE_I, compare, values_of

@@ -1,7 +1,7 @@
 """The basic actions a network learns from: what they are, where they come from, how to bring your own.
 
 - `load_demonstrations`, `save_demonstrations`: a folder of CSV files; the six ship with the package (`files.py`).
-- `load_trajectory`, `save_trajectory`: one CSV file, at any rate (`files.py`, `resampling.py`).
+- `load_trajectory`, `save_trajectory`: one CSV file, at any rate (`files.py`).
 - `Demonstrations`: names, trajectories, tick, joints and record, checked (`dataset.py`).
 - `ACTIONS`, `keyframes`, `Movement`: the six boxing actions as key postures (`keyframes.py`).
 - `GuidanceVariation`, `vary`: how a person's guidance differs from them (`keyframes.py`).

@@ -1,12 +1,9 @@
 """The six basic boxing actions as key postures, each thrown three times from a common guard and back to it.
 
-A punch is written once, for the right arm, as a list of `(seconds, posture)`: how long the arm takes to reach the
-posture. The left arm mirrors it; the other arm keeps the guard. Between two key postures every joint follows the
-minimum-jerk curve, the usual description of a person's point-to-point movement (Flash and Hogan 1985): at rest at both
-ends, `10 s^3 - 15 s^4 + 6 s^5` of the way at the share `s` of the time.
-
-The key postures are our own. Fists, arms, head and thighs stay more than 1 cm apart, and each wind-up is large: the six
-have to be told apart, by whoever watches and by the distance between them.
+Between two key postures every joint follows the minimum-jerk curve, the usual description of a person's point-to-point
+movement (Flash and Hogan 1985): at rest at both ends, `10 s^3 - 15 s^4 + 6 s^5` of the way at the share `s` of the
+time. The key postures (`punches.toml`) are our own. Fists, arms, head and thighs stay more than 1 cm apart, and each
+wind-up is large: the six have to be told apart, by whoever watches and by the distance between them.
 
 `vary` gives the path of a person's hand, which differs from the key postures in timing and reach and by slow drift and
 tremor.
@@ -14,8 +11,10 @@ tremor.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -39,42 +38,17 @@ DURATION_S = (N_STEPS - 1) * DT_S
 LEAD_S = 0.3
 """How long the guard is held before the first punch [s]."""
 
+END_STOP_MARGIN_RAD = 0.03
+"""How far from the end stops of the joints a hand stays [rad]."""
+
 Posture = tuple[float, float, float, float]
 """ShoulderPitch, ShoulderRoll, ElbowYaw and ElbowRoll of the right arm [rad]."""
 
 GUARD: Posture = GUARD_ARM_RAD
 """The common start and end."""
 
-PUNCHES: dict[str, tuple[tuple[float, Posture], ...]] = {
-    # The lead arm goes straight out from the guard, without a wind-up, and straight back.
-    "jab": (
-        (0.40, (0.15, -0.05, 0.6, 0.1)),
-        (0.15, (0.15, -0.05, 0.6, 0.1)),
-        (0.70, GUARD),
-    ),
-    # The rear arm is pulled back first, then goes out as far as it can.
-    "straight": (
-        (0.60, (1.2, -0.35, 0.9, 1.5)),
-        (0.45, (0.05, -0.05, 0.5, 0.1)),
-        (0.20, (0.05, -0.05, 0.5, 0.1)),
-        (0.90, GUARD),
-    ),
-    # The elbow goes out to the side and up, then the bent arm sweeps inward at shoulder height.
-    "hook": (
-        (0.70, (0.9, -1.1, 0.6, 1.1)),
-        (0.45, (0.1, -0.9, 0.1, 1.2)),
-        (0.45, (0.05, 0.1, 0.0, 1.1)),
-        (0.60, GUARD),
-    ),
-    # The fist drops beside the hip, then rises before the face with the elbow bent.
-    "uppercut": (
-        (0.75, (1.7, -0.3, 1.2, 0.8)),
-        (0.30, (0.9, -0.15, 1.2, 1.2)),
-        (0.45, (-0.35, 0.0, 1.2, 1.3)),
-        (0.70, GUARD),
-    ),
-}
-"""Each punch as `(seconds to reach it, posture of the right arm)`; it begins and ends in the guard."""
+PUNCHES = tomllib.loads(Path(__file__).with_name("punches.toml").read_text(encoding="utf-8"))
+"""Each punch as the file describes it: `keys` and `back_s`."""
 
 ACTIONS: dict[str, tuple[str, str]] = {
     "left_jab": ("left", "jab"),
@@ -144,9 +118,10 @@ def keyframes(name: str) -> Movement:
             f"no basic action `{name}`{nearest_name(name, ACTIONS)}; there are {', '.join(f'`{a}`' for a in ACTIONS)}."
         )
     arm, punch = ACTIONS[name]
-    keys = PUNCHES[punch]
+    out = [(seconds, tuple(posture)) for seconds, *posture in PUNCHES[punch]["keys"]]
+    keys = [*out, (PUNCHES[punch]["back_s"], GUARD)]
     pause = (DURATION_S - LEAD_S) / N_REPEATS - sum(seconds for seconds, _ in keys)
-    steps: Sequence[tuple[float, Posture]] = [(LEAD_S, GUARD), *[*keys, (pause, GUARD)] * N_REPEATS]
+    steps = [(LEAD_S, GUARD), *[*keys, (pause, GUARD)] * N_REPEATS]
     times = np.concatenate([[0.0], np.cumsum([seconds for seconds, _ in steps])])
     arms = [GUARD, *[posture for _, posture in steps]]
     postures = [both_arms(a, GUARD) if arm == "right" else both_arms(GUARD, a) for a in arms]
@@ -170,33 +145,19 @@ class GuidanceVariation:
     tremor_rad: Annotated[float, Field(ge=0, le=0.1)] = 0.004
 
 
-@dataclass(frozen=True)
-class Wobble:
-    """A sum of sines per joint: a smooth random signal that can be evaluated at any time.
-
-    Attributes:
-        frequencies_hz: Shape (n_sines, n_joints).
-        phases: Shape (n_sines, n_joints) [rad].
-        amplitude: Of each sine [rad].
-    """
-
-    frequencies_hz: np.ndarray
-    phases: np.ndarray
-    amplitude: float
-
-    def at(self, times_s: np.ndarray) -> np.ndarray:
-        """Return the deviation [rad] at `times_s` [s], shape (n, n_joints)."""
-        angle = 2.0 * np.pi * self.frequencies_hz * np.asarray(times_s)[:, None, None] + self.phases
-        return self.amplitude * np.sin(angle).sum(axis=1)
-
-
-def draw_wobble(
+def _wobble(
     rng: np.random.Generator, band_hz: tuple[float, float], deviation_rad: float, n_joints: int, n_sines: int = 6
-) -> Wobble:
-    """Draw a wobble whose frequencies lie in `band_hz` and whose standard deviation is `deviation_rad`."""
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Draw a sum of sines per joint: the deviation [rad], shape (n, n_joints), at any times [s]."""
     frequencies = rng.uniform(*band_hz, size=(n_sines, n_joints))
     phases = rng.uniform(0.0, 2.0 * np.pi, size=(n_sines, n_joints))
-    return Wobble(frequencies, phases, deviation_rad * np.sqrt(2.0 / n_sines))
+    amplitude = deviation_rad * np.sqrt(2.0 / n_sines)
+
+    def at(times_s: np.ndarray) -> np.ndarray:
+        angle = 2.0 * np.pi * frequencies * np.asarray(times_s)[:, None, None] + phases
+        return amplitude * np.sin(angle).sum(axis=1)
+
+    return at
 
 
 @dataclass(frozen=True)
@@ -205,21 +166,19 @@ class GuidedPath:
 
     Attributes:
         movement: The varied key postures.
-        drift: Slow wander.
+        drift: Slow wander: the deviation [rad] at any times [s].
         tremor: Fast wander.
-        margin_rad: How far from the end stops the hand stays [rad].
     """
 
     movement: Movement
-    drift: Wobble
-    tremor: Wobble
-    margin_rad: float = 0.03
+    drift: Callable[[np.ndarray], np.ndarray]
+    tremor: Callable[[np.ndarray], np.ndarray]
 
     def at(self, times_s: np.ndarray) -> np.ndarray:
         """Return the postures [rad] the hand leads to at `times_s` [s], shape (n, 8), within the joints' ranges."""
         low, high = limits(JOINTS)
-        path = self.movement.at(times_s) + self.drift.at(times_s) + self.tremor.at(times_s)
-        return np.clip(path, low + self.margin_rad, high - self.margin_rad)
+        path = self.movement.at(times_s) + self.drift(times_s) + self.tremor(times_s)
+        return np.clip(path, low + END_STOP_MARGIN_RAD, high - END_STOP_MARGIN_RAD)
 
 
 def vary(movement: Movement, variation: GuidanceVariation, rng: np.random.Generator) -> GuidedPath:
@@ -250,6 +209,6 @@ def vary(movement: Movement, variation: GuidanceVariation, rng: np.random.Genera
     n_joints = movement.postures.shape[1]
     return GuidedPath(
         Movement(times, guard + scale[:, None] * moved),
-        drift=draw_wobble(rng, (0.05, 0.4), variation.drift_rad, n_joints),
-        tremor=draw_wobble(rng, (8.0, 12.0), variation.tremor_rad, n_joints),
+        drift=_wobble(rng, (0.05, 0.4), variation.drift_rad, n_joints),
+        tremor=_wobble(rng, (8.0, 12.0), variation.tremor_rad, n_joints),
     )

@@ -83,26 +83,16 @@ class Grip:
 
 
 class Hand:
-    """One hand on one body of a compiled model.
+    """One hand on one body (its id) of a compiled `mujoco.MjModel`."""
 
-    Args:
-        model: The compiled `mujoco.MjModel`.
-        body: Id of the body that is held.
-        held_at: Where the hand holds it, in the body's frame [m].
-        grip: How firmly.
-    """
-
-    def __init__(self, model: Any, body: int, held_at: tuple[float, float, float], grip: Grip) -> None:
-        self._model = model
-        self._body = body
-        self._held_at = np.array(held_at)
-        self._grip = grip
+    def __init__(self, model: Any, body: int, grip: Grip) -> None:
+        self._model, self._body, self._grip = model, body, grip
         self._jacobian = np.zeros((3, model.nv)), np.zeros((3, model.nv))
 
     def pose(self, data: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return where the held point is [m] and how the body is turned (3 x 3); needs fresh kinematics."""
         turned = data.xmat[self._body].reshape(3, 3).copy()
-        return data.xpos[self._body] + turned @ self._held_at, turned
+        return data.xpos[self._body] + turned @ np.array(HELD_AT_M), turned
 
     def drag(self, data: Any, place: np.ndarray, attitude: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> float:
         """Add the hand's pull and twist to `data.qfrc_applied` and return the size of the pull [N].
@@ -119,15 +109,14 @@ class Hand:
         mujoco.mj_jac(self._model, data, along, about, here, self._body)
         grip = self._grip
         pull = grip.stiffness_n_m * (place - here) + grip.damping_ns_m * (velocity - along @ data.qvel)
-        twist = grip.turn_stiffness_nm * rotation_vector(attitude @ turned.T)
+        twist = grip.turn_stiffness_nm * _rotation_vector(attitude @ turned.T)
         twist += grip.turn_damping_nms * (spin - about @ data.qvel)
         pull = _at_most(pull, grip.max_force_n)
-        twist = _at_most(twist, grip.max_torque_nm)
-        data.qfrc_applied += along.T @ pull + about.T @ twist
+        data.qfrc_applied += along.T @ pull + about.T @ _at_most(twist, grip.max_torque_nm)
         return float(np.linalg.norm(pull))
 
 
-def rotation_vector(rotation: np.ndarray) -> np.ndarray:
+def _rotation_vector(rotation: np.ndarray) -> np.ndarray:
     """Return axis times angle [rad] of a rotation matrix (3 x 3), exact below half a turn."""
     quaternion, vector = np.zeros(4), np.zeros(3)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
@@ -180,7 +169,7 @@ class Teacher:
         self._data, self._wanted = mujoco.MjData(model), mujoco.MjData(model)
         self.scene.stiffness.set(JOINTS, 0.0)
         bodies = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in FOREARMS]
-        self._hands = [Hand(model, body, HELD_AT_M, grip or Grip()) for body in bodies]
+        self._hands = [Hand(model, body, grip or Grip()) for body in bodies]
         touch = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, "nao/self_contact")
         self._self_contact = int(model.sensor_adr[touch])
 
@@ -202,7 +191,8 @@ class Teacher:
         poses = self._hand_poses(path, times)
         data, arm = self._data, self.scene.index.arm_qpos
         self.scene.place(data, "Guard")
-        self._hold_trunk()
+        data.mocap_pos[0] = data.xpos[self.scene.index.torso]  # the weld keeps the trunk where the stand is put
+        data.mocap_quat[0] = data.xquat[self.scene.index.torso]
         data.qpos[arm] = path.at(np.zeros(1))[0]
         angles, pulls, touching, frames = [], [], [], []
         for k, time in enumerate(times):
@@ -235,28 +225,18 @@ class Teacher:
         """
         model, wanted, step_s = self._model, self._wanted, self._model.opt.timestep
         self.scene.place(wanted, "Guard")
-        places: list[list[tuple[np.ndarray, np.ndarray]]] = [[], []]
+        held: list[list[tuple[np.ndarray, np.ndarray]]] = [[], []]
         for posture in path.at(np.maximum(times, 0.0)):
             wanted.qpos[self.scene.index.arm_qpos] = posture
             mujoco.mj_kinematics(model, wanted)
-            for side, hand in enumerate(self._hands):
-                places[side].append(hand.pose(wanted))
-        poses = []
-        for held in places:
-            moving = []
-            for k, (place, attitude) in enumerate(held):
-                before, after = held[max(k - 1, 0)], held[min(k + 1, len(held) - 1)]
+            for hand, poses in zip(self._hands, held, strict=True):
+                poses.append(hand.pose(wanted))
+        moving: list[list[tuple[np.ndarray, ...]]] = [[], []]
+        for poses, states in zip(held, moving, strict=True):
+            for pose, before, after in zip(poses, [poses[0], *poses], [*poses[1:], poses[-1]], strict=False):
                 velocity = (after[0] - before[0]) / (2.0 * step_s)
-                spin = rotation_vector(after[1] @ before[1].T) / (2.0 * step_s)
-                moving.append((place, attitude, velocity, spin))
-            poses.append(moving)
-        return poses
-
-    def _hold_trunk(self) -> None:
-        """Put the stand where the trunk is; the weld between the two then keeps it there."""
-        data, index = self._data, self.scene.index
-        data.mocap_pos[0] = data.xpos[index.torso]
-        data.mocap_quat[0] = data.xquat[index.torso]
+                states.append((*pose, velocity, _rotation_vector(after[1] @ before[1].T) / (2.0 * step_s)))
+        return moving
 
 
 def teach(
@@ -281,11 +261,9 @@ def teach(
     return [teacher.teach(name, streams.get(name, rng)) for name in actions]
 
 
-def as_demonstrations(lessons: list[Lesson], record: dict[str, Any] | None = None) -> Demonstrations:
+def as_demonstrations(lessons: list[Lesson]) -> Demonstrations:
     """Return what was recorded as a set of basic actions."""
-    return Demonstrations(
-        tuple(lesson.name for lesson in lessons), [lesson.recorded for lesson in lessons], DT_S, JOINTS, record or {}
-    )
+    return Demonstrations(tuple(lesson.name for lesson in lessons), [lesson.recorded for lesson in lessons])
 
 
 def _scene_with_stand() -> Scene:

@@ -17,7 +17,7 @@ import jinja2
 import numpy as np
 
 from creative_nao import storage
-from creative_nao.demonstrations.resampling import resample
+from creative_nao.demonstrations.files import resample
 from creative_nao.errors import FileFormatError
 from creative_nao.exchange.keys import (
     APPROACH_SPEED_RAD_S,

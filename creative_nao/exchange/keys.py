@@ -21,9 +21,14 @@ from creative_nao.demonstrations.dataset import (
     draw_curves,
     joint_angles,
 )
-from creative_nao.demonstrations.files import LARGEST_TIME_S, SHORTEST_STEP_S
+from creative_nao.demonstrations.files import (
+    LARGEST_TIME_S,
+    SHORTEST_STEP_S,
+    check_duration,
+    monotone_cubic,
+    resample,
+)
 from creative_nao.demonstrations.keyframes import DT_S
-from creative_nao.demonstrations.resampling import check_duration, monotone_cubic, resample
 from creative_nao.errors import FileFormatError, SettingsError, nearest_name, shown
 from creative_nao.joints import JOINTS, LIMITS_RAD
 from creative_nao.schema import JsonObject, Names, checked, parse

@@ -27,12 +27,21 @@ if TYPE_CHECKING:
         failures,
         first_failure,
     )
-    from creative_nao.robot.playback import Performer, PlaybackSettings
+    from creative_nao.robot.playback import Performer, PlaybackSettings, RobotVariation, Varied
     from creative_nao.robot.postures import POSTURES, arm_angles, posture
     from creative_nao.robot.rendering import Renderer, can_draw
-    from creative_nao.robot.scene import BAG_XML, NAO_XML, RING_XML, SCENE_XML, Index, Scene, bare_scene, place
-    from creative_nao.robot.servos import ServoSettings, Stiffness
-    from creative_nao.robot.variation import RobotVariation, Varied
+    from creative_nao.robot.scene import (
+        BAG_XML,
+        NAO_XML,
+        RING_XML,
+        SCENE_XML,
+        Index,
+        Scene,
+        ServoSettings,
+        Stiffness,
+        bare_scene,
+        place,
+    )
 
 __all__ = [
     "BAG_XML",
@@ -67,47 +76,23 @@ __all__ = [
     "write_gif",
 ]
 
-_HOMES = {
-    "BAG_XML": "scene",
-    "NAO_XML": "scene",
-    "PHYSICAL_FAILURES": "performance",
-    "POSTURES": "postures",
-    "RING_XML": "scene",
-    "SCENE_XML": "scene",
-    "Hits": "performance",
-    "Index": "scene",
-    "Performance": "performance",
-    "Performer": "playback",
-    "PhysicalLimits": "performance",
-    "PlaybackSettings": "playback",
-    "Renderer": "rendering",
-    "Scene": "scene",
-    "ServoSettings": "servos",
-    "Stiffness": "servos",
-    "RobotVariation": "variation",
-    "Varied": "variation",
-    "arm_angles": "postures",
-    "bare_scene": "scene",
-    "can_draw": "rendering",
-    "failures": "performance",
-    "film_strip": "film",
-    "first_failure": "performance",
-    "imagined_frames": "film",
-    "moments": "film",
-    "pictures": "film",
-    "place": "scene",
-    "posture": "postures",
-    "write_gif": "film",
+_FILES = {
+    "film": ("film_strip", "imagined_frames", "moments", "pictures", "write_gif"),
+    "performance": ("PHYSICAL_FAILURES", "Hits", "Performance", "PhysicalLimits", "failures", "first_failure"),
+    "playback": ("Performer", "PlaybackSettings", "RobotVariation", "Varied"),
+    "postures": ("POSTURES", "arm_angles", "posture"),
+    "rendering": ("Renderer", "can_draw"),
 }
+_HOMES = {name: file for file, names in _FILES.items() for name in names}
 
 rendering.choose_backend()  # before anything below imports MuJoCo
 
 
 def __getattr__(name: str) -> Any:
     """Load a public name from the file that holds it."""
-    if name not in _HOMES:
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    return getattr(importlib.import_module(f"{__name__}.{_HOMES.get(name, 'scene')}"), name)
 
 
 def __dir__() -> list[str]:

@@ -20,8 +20,7 @@ from creative_nao.errors import SettingsError, ShapeError, shown
 from creative_nao.joints import JOINTS, MAX_SPEED_RAD_S, N_JOINTS, limits, read_encoder
 from creative_nao.robot import interpolation
 from creative_nao.robot.performance import Hits, Performance, has_fallen, tilt_rad
-from creative_nao.robot.scene import PERFORMANCE_SENSORS, Scene
-from creative_nao.robot.variation import RobotVariation, Varied
+from creative_nao.robot.scene import PERFORMANCE_SENSORS, Index, Scene
 from creative_nao.schema import NonNegative, Positive, checked, record
 
 CYCLE_S = 0.010
@@ -41,6 +40,56 @@ class PlaybackSettings:
     """Shortest time for that way."""
     frame_dt_s: Positive = 0.05
     """Time between the snapshots kept for a film [s]."""
+
+
+@record
+class RobotVariation:
+    """How one robot differs from the published one; the defaults are the published robot itself.
+
+    No two robots are alike, and several figures of this one are estimates: domain randomisation.
+    """
+
+    mass: Positive = 1.0
+    """Factor of the mass and inertia of every link."""
+    friction: Positive = 1.0
+    """Factor of the friction of soles, gloves, floor and bag."""
+    kp: Positive = 1.0
+    """Factor of the proportional gains of all servos."""
+    kd: Positive = 1.0
+    """Factor of their derivative gains."""
+    latency_s: NonNegative = 0.0
+    """Time from a command to its arrival at the servos of the arms [s]; rounded to whole cycles of 10 ms."""
+    encoder_noise_rad: NonNegative = 0.0
+    """Standard deviation of what is added to an angle before the encoder counts it [rad]."""
+
+
+class Varied:
+    """Applies variations to one compiled model, and restores it; everyone who simulates with the model is affected.
+
+    Args:
+        model: The compiled `mujoco.MjModel`.
+        index: Rows of the robot in its arrays.
+    """
+
+    def __init__(self, model: Any, index: Index) -> None:
+        self._model = model
+        self._links = np.flatnonzero(model.body_rootid == model.body_rootid[index.torso])
+        self._mass, self._inertia = model.body_mass.copy(), model.body_inertia.copy()
+        self._friction = model.geom_friction.copy()
+        self._gain, self._bias = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
+
+    def apply(self, variation: RobotVariation) -> None:
+        """Give the model this variation, whatever it had before; the default one restores every bit."""
+        model, links = self._model, self._links
+        model.body_mass[links] = variation.mass * self._mass[links]
+        model.body_inertia[links] = variation.mass * self._inertia[links]
+        model.geom_friction[:] = variation.friction * self._friction
+        model.actuator_gainprm[:] = variation.kp * self._gain
+        # A position servo is gain kp and bias (0, -kp, -kd).
+        model.actuator_biasprm[:] = self._bias
+        model.actuator_biasprm[:, 1] *= variation.kp
+        model.actuator_biasprm[:, 2] *= variation.kd
+        mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 class Performer:
@@ -150,7 +199,9 @@ class Performer:
         trajectory = as_trajectory(trajectory)
         cycles_per_tick = _cycles(dt_s)
         targets, approach = self._targets(trajectory, dt_s, cycles_per_tick)
-        states, sensors = self._run(self._delayed(targets))
+        late = min(self._latency_cycles, len(targets))  # cycles until a target has reached the servos
+        delayed = np.concatenate([np.repeat(self.guard[None], late, axis=0), targets[: len(targets) - late]])
+        states, sensors = self._run(delayed)
         return self._measure(trajectory, dt_s, cycles_per_tick, targets[approach:], states, sensors, keep_frames)
 
     def _targets(self, trajectory: np.ndarray, dt_s: float, cycles_per_tick: int) -> tuple[np.ndarray, int]:
@@ -165,17 +216,6 @@ class Performer:
         way = interpolation.minimum_jerk(self.guard, fine[0], n_approach) if n_approach else np.empty((0, N_JOINTS))
         fastest = np.array([MAX_SPEED_RAD_S[joint] for joint in JOINTS]) * CYCLE_S
         return interpolation.limit_speed(np.concatenate([way, fine[1:]]), self.guard, fastest), n_approach
-
-    def _delayed(self, targets: np.ndarray) -> np.ndarray:
-        """Return the targets that have reached the servos by the end of every cycle, given the latency."""
-        late = min(self._latency_cycles, len(targets))
-        return np.concatenate([np.repeat(self.guard[None], late, axis=0), targets[: len(targets) - late]])
-
-    def _read(self, angles: np.ndarray) -> np.ndarray:
-        """Return the encoder readings of joint angles (n, 8) [rad]."""
-        if self._noise_rad > 0 and self._rng is not None:
-            angles = angles + self._rng.normal(0.0, self._noise_rad, angles.shape)
-        return read_encoder(angles)
 
     def _run(self, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Step through all cycles; return the state after and the sensors within every physics step."""
@@ -219,8 +259,11 @@ class Performer:
         tilt = tilt_rad(torso[:, 3:])
         saturated = np.abs(felt["torque"]) >= 0.999 * index.arm_effort_nm
         frame_every = max(1, round(self.settings.frame_dt_s / self._step_s))
+        angles = each_cycle[::cycles_per_tick]
+        if self._noise_rad > 0 and self._rng is not None:
+            angles = angles + self._rng.normal(0.0, self._noise_rad, angles.shape)
         return Performance(
-            measured=self._read(each_cycle[::cycles_per_tick]),
+            measured=read_encoder(angles),
             commanded=trajectory,
             dt_s=dt_s,
             mean_error_rad=error.mean(axis=0),

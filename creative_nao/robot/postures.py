@@ -6,7 +6,9 @@ A posture is a mapping from joint name to angle [rad]; joints it leaves out stan
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -19,26 +21,17 @@ THIGH_M = 0.1000
 TIBIA_M = 0.1029
 """Hip to knee and knee to ankle, as in `nao.xml`."""
 
-STANCE_HEIGHT_M = 0.192
-"""Hip above ankle in the boxing stance: knees bent, so that the legs can give."""
-STANCE_STAGGER_M = 0.025
-"""The left foot stands this far ahead of the hip, the right one as far behind."""
-STANCE_SPREAD_RAD = 0.12
-"""Legs apart by this hip roll on each side."""
-
 
 def keeps_sign(joint: str) -> bool:
     """Tell whether a joint has the same sign on both sides: pitch, HipYawPitch and Hand do, roll and yaw change it."""
     return joint.endswith(("Pitch", "Hand"))
 
 
-def both_sides(**left: float) -> dict[str, float]:
-    """Return a posture from angles of the left limbs, given without the leading L; the right side is mirrored."""
-    posture = {}
-    for joint, angle in left.items():
-        posture["L" + joint] = angle
-        posture["R" + joint] = angle if keeps_sign(joint) else -angle
-    return posture
+def _mirrored(both_sides: dict[str, float], **others: float) -> dict[str, float]:
+    """Return a posture from the joints of the left limbs, named without the leading L, and those of one side."""
+    left = {"L" + joint: angle for joint, angle in both_sides.items()}
+    right = {"R" + joint: angle if keeps_sign(joint) else -angle for joint, angle in both_sides.items()}
+    return {**left, **right, **others}
 
 
 def leg_angles(side: str, *, forward_m: float, height_m: float, spread_rad: float) -> dict[str, float]:
@@ -70,62 +63,17 @@ def leg_angles(side: str, *, forward_m: float, height_m: float, spread_rad: floa
 
 
 def _guard() -> dict[str, float]:
-    """Boxing stance: left foot forward, knees bent, soles flat, both fists before the chest."""
-    legs = {"height_m": STANCE_HEIGHT_M, "spread_rad": STANCE_SPREAD_RAD}
+    """Boxing stance: the left foot ahead, knees bent so that the legs can give, both fists before the chest."""
     right = np.array(GUARD_ARM_RAD)
     arms = dict(zip(JOINTS, np.concatenate([right, right * MIRROR_SIGN]).tolist(), strict=True))
-    return {
-        "HeadPitch": 0.05,
-        **arms,
-        **leg_angles("L", forward_m=STANCE_STAGGER_M, **legs),
-        **leg_angles("R", forward_m=-STANCE_STAGGER_M, **legs),
-    }
+    ahead = {"L": 0.025, "R": -0.025}
+    legs = [leg_angles(side, forward_m=ahead[side], height_m=0.192, spread_rad=0.12) for side in ahead]
+    return {"HeadPitch": 0.05, **arms, **legs[0], **legs[1]}
 
 
+_TABLE = tomllib.loads(Path(__file__).with_name("postures.toml").read_text(encoding="utf-8"))
 POSTURES: Mapping[str, Mapping[str, float]] = MappingProxyType(
-    {
-        "StandZero": both_sides(ShoulderRoll=0.0087, ElbowRoll=-0.0349),
-        "Stand": {"HeadPitch": -0.17}
-        | both_sides(
-            ShoulderPitch=1.4426,
-            ShoulderRoll=0.2245,
-            ElbowYaw=-1.2023,
-            ElbowRoll=-0.4173,
-            HipYawPitch=-0.17,
-            HipRoll=0.1191,
-            HipPitch=0.1274,
-            KneePitch=-0.0923,
-            AnklePitch=0.0874,
-            AnkleRoll=-0.1108,
-            Hand=0.3,
-        )
-        | {"LWristYaw": 0.1, "RWristYaw": 0.1},
-        "StandInit": both_sides(
-            ShoulderPitch=1.4,
-            ShoulderRoll=0.3,
-            ElbowYaw=-1.39,
-            ElbowRoll=-1.01,
-            HipPitch=-0.45,
-            KneePitch=0.7,
-            AnklePitch=-0.35,
-            Hand=0.25,
-        ),
-        "Crouch": {"HeadPitch": 0.1}
-        | both_sides(
-            ShoulderPitch=1.3969,
-            ShoulderRoll=0.1596,
-            ElbowYaw=-0.7917,
-            ElbowRoll=-1.0737,
-            WristYaw=0.15,
-            HipYawPitch=-0.25,
-            HipRoll=-0.08,
-            HipPitch=-0.7,
-            KneePitch=2.11,
-            AnklePitch=-1.18,
-            AnkleRoll=0.077,
-        ),
-        "Guard": _guard(),
-    }
+    {name: _mirrored(**angles) for name, angles in _TABLE.items()} | {"Guard": _guard()}
 )
 """The manufacturer's StandZero, Stand, StandInit and Crouch, and the project's own boxing Guard."""
 

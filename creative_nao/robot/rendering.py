@@ -11,11 +11,11 @@ was chosen at its import. Where no OpenGL starts, frames are drawn in software: 
 from __future__ import annotations
 
 import ctypes
+import importlib
 import os
 import subprocess
 import sys
 import warnings
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -31,11 +31,7 @@ ON = ("egl", "osmesa", "glfw")
 """What MUJOCO_GL may name."""
 OFF = ("disable", "disabled", "off", "false", "0")
 """What MUJOCO_GL says to do without OpenGL."""
-PACKAGES = {
-    "egl": "libegl1 libgl1-mesa-dri libopengl0",
-    "osmesa": "libosmesa6",
-    "glfw": "xvfb",
-}
+PACKAGES = {"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6", "glfw": "xvfb"}
 """What Debian and Ubuntu call the packages of each back end; glfw needs a display, here a virtual one."""
 
 _MAX_GEOMS = 2000
@@ -58,11 +54,9 @@ def choose_backend() -> None:
     Nothing happens when MUJOCO_GL is set, when a display is there, or off Linux. If MuJoCo is already imported,
     dm_control, which reads the variable for itself, still profits.
     """
-    if os.environ.get("MUJOCO_GL") or not sys.platform.startswith("linux"):
-        return
-    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        return
     global _none_works
+    if os.environ.get("MUJOCO_GL") or not sys.platform.startswith("linux") or _has_display():
+        return
     os.environ["MUJOCO_GL"] = working_backend()
     _none_works = os.environ["MUJOCO_GL"] == "disable"
 
@@ -71,9 +65,7 @@ def working_backend() -> str:
     """Return the best off-screen back end that this machine can start: `egl`, `osmesa` or `disable`."""
     if _egl_starts() and (_loads("libOpenGL.so.0") or _loads("libGL.so.1")):
         return "egl"
-    if _loads("libOSMesa.so.8") or _loads("libOSMesa.so.6"):
-        return "osmesa"
-    return "disable"
+    return "osmesa" if _has_osmesa() else "disable"
 
 
 def can_draw() -> bool:
@@ -113,13 +105,21 @@ def _missing(backend: str) -> str:
     """Return what a back end obviously lacks, in words that its own failure would not find."""
     if not sys.platform.startswith("linux"):
         return ""
-    if backend == "glfw" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    if backend == "glfw" and not _has_display():
         return "no display; xvfb-run gives a virtual one"
-    if backend == "osmesa" and not (_loads("libOSMesa.so.8") or _loads("libOSMesa.so.6")):
+    if backend == "osmesa" and not _has_osmesa():
         return "libOSMesa is missing"
     if backend == "egl" and not _loads("libEGL.so.1"):
         return "libEGL is missing"
     return ""
+
+
+def _has_display() -> bool:
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _has_osmesa() -> bool:
+    return _loads("libOSMesa.so.8") or _loads("libOSMesa.so.6")
 
 
 def _loads(library: str) -> bool:
@@ -230,7 +230,11 @@ class Renderer:
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
-        return self._averaged(self._canvas.draw(self._data, self._cameras.index(camera)))
+        pixels, n = self._canvas.draw(self._data, self._cameras.index(camera)), self._smooth
+        if n == 1:
+            return np.ascontiguousarray(pixels)
+        height, width = pixels.shape[0] // n, pixels.shape[1] // n
+        return pixels.reshape(height, n, width, n, 3).mean(axis=(1, 3)).round().astype(np.uint8)
 
     def depth(self, qpos: np.ndarray, camera: str = "close") -> np.ndarray:
         """Measure one state: how far what each pixel shows is from the camera's plane [m], float32, (height, width).
@@ -241,13 +245,6 @@ class Renderer:
         assert self._canvas is not None
         return self._canvas.depth()[:: self._smooth, :: self._smooth].astype(np.float32)
 
-    def _averaged(self, pixels: np.ndarray) -> np.ndarray:
-        if self._smooth == 1:
-            return np.ascontiguousarray(pixels)
-        n = self._smooth
-        height, width = pixels.shape[0] // n, pixels.shape[1] // n
-        return pixels.reshape(height, n, width, n, 3).mean(axis=(1, 3)).round().astype(np.uint8)
-
     def close(self) -> None:
         """Free the drawing context; do so before the program ends, or GL complains at exit."""
         if isinstance(self._canvas, _GLCanvas):
@@ -257,9 +254,7 @@ class Renderer:
     def __enter__(self) -> Renderer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
@@ -340,14 +335,8 @@ def _gl_context(width: int, height: int) -> Any:
     if backend in ("", *OFF):
         backend = working_backend() if sys.platform.startswith("linux") else "glfw"
     try:
-        if backend == "egl":
-            from mujoco.egl import GLContext
-        elif backend == "osmesa":
-            from mujoco.osmesa import GLContext
-        elif backend == "glfw":
-            from mujoco.glfw import GLContext
-        else:
+        if backend not in ON:
             raise RuntimeError(f"no back end `{backend}`")
-        return GLContext(width, height)
+        return importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
     except Exception as error:  # each back end fails in its own way, down to missing C symbols
         raise MissingDependencyError(f"{_HOW_TO_DRAW} (MUJOCO_GL={backend}: {error}).") from error

@@ -1,4 +1,4 @@
-"""Robot, ring and bag as one MuJoCo model, and the rows of their parts in its arrays.
+"""Robot, ring and bag as one MuJoCo model, the rows of their parts in its arrays, and the settings of the servos.
 
 The model is `scene.xml`, which puts `nao.xml` and `bag.xml` into `ring.xml`; `nao_sources.csv` names the source of each
 figure of the robot. Compiling takes a hundredth of a second; everything that simulates can share one scene.
@@ -16,9 +16,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from creative_nao.errors import SettingsError
 from creative_nao.joints import JOINTS
 from creative_nao.robot.postures import posture
-from creative_nao.robot.servos import ServoSettings, Stiffness
+from creative_nao.schema import NonNegative, UnitInterval, checked, record
 
 NAO_XML = Path(__file__).with_name("nao.xml")
 """The robot alone, as an MJCF file: no floor, no light, no option; give it a free joint when attaching it."""
@@ -38,6 +39,7 @@ PERFORMANCE_SENSORS: dict[str, tuple[str, ...]] = {
     "fists": ("nao/RFist_velocity", "nao/LFist_velocity"),
 }
 """All sensors that a performance reads, by what they are read for."""
+_LEG_PARTS = ("Hip", "Knee", "Ankle")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,7 +53,6 @@ class Index:
     actuator: dict[str, int]
     """Row of each of the 25 motors in `data.ctrl`; one motor, named after the left, turns both HipYawPitch hinges."""
     arm_qpos: np.ndarray
-    arm_dof: np.ndarray
     arm_actuator: np.ndarray
     arm_effort_nm: np.ndarray
     """Largest torque of the arm motors [N m], shape (8,)."""
@@ -65,8 +66,6 @@ class Index:
     """Geom ids of the right and the left sole."""
     robot_geoms: np.ndarray
     """Shape (n_geoms,), True for the robot's contact shapes."""
-    fist_geoms: np.ndarray
-    """Geom ids of the right and the left fist."""
     bag_geom: int
     """Geom id of the bag, -1 without a bag."""
     floor_geom: int
@@ -86,7 +85,6 @@ class Index:
         joints = rows(kinds.mjOBJ_JOINT, model.njnt)
         hinges = {name: n for name, n in joints.items() if model.jnt_type[n] == mujoco.mjtJoint.mjJNT_HINGE}
         qpos = {joint: int(model.jnt_qposadr[number]) for joint, number in hinges.items()}
-        dof = {joint: int(model.jnt_dofadr[number]) for joint, number in hinges.items()}
         actuator = rows(kinds.mjOBJ_ACTUATOR, model.nu)
         arm_actuator = np.array([actuator[joint] for joint in JOINTS])
         torso = row(kinds.mjOBJ_BODY, prefix + "Torso")
@@ -95,10 +93,9 @@ class Index:
         named[list(rows(kinds.mjOBJ_GEOM, model.ngeom).values())] = True
         return cls(
             qpos=qpos,
-            dof=dof,
+            dof={joint: int(model.jnt_dofadr[number]) for joint, number in hinges.items()},
             actuator=actuator,
             arm_qpos=np.array([qpos[joint] for joint in JOINTS]),
-            arm_dof=np.array([dof[joint] for joint in JOINTS]),
             arm_actuator=arm_actuator,
             arm_effort_nm=model.actuator_forcerange[arm_actuator, 1].copy(),
             torso=torso,
@@ -106,7 +103,6 @@ class Index:
             feet=np.array([row(kinds.mjOBJ_BODY, f"{prefix}{side}Foot") for side in "RL"]),
             soles=np.array([row(kinds.mjOBJ_GEOM, f"{prefix}{side}Foot") for side in "RL"]),
             robot_geoms=named & (np.array(model.geom_contype) != 0),
-            fist_geoms=np.array([row(kinds.mjOBJ_GEOM, f"{prefix}{side}Fist") for side in "RL"]),
             bag_geom=row(kinds.mjOBJ_GEOM, "bag/leather"),
             floor_geom=row(kinds.mjOBJ_GEOM, "floor"),
         )
@@ -145,6 +141,80 @@ def _lowest_corner(model: Any, data: Any, geom: int) -> float:
     return float(data.geom_xpos[geom, 2] - np.abs(axes[2]) @ model.geom_size[geom])
 
 
+@record
+class ServoSettings:
+    """Gains of the position servos; none are published, these track brisk punches within the torque limits.
+
+    The defaults are the gains of `nao.xml`.
+    """
+
+    arm_kp: NonNegative = 20.0
+    """Proportional gain of arms and head [N m/rad]."""
+    arm_kd: NonNegative = 0.4
+    """Derivative gain of arms and head [N m s/rad]."""
+    leg_kp: NonNegative = 120.0
+    """Proportional gain of the legs [N m/rad]; at half of it the trunk sways twice as far under a punch."""
+    leg_kd: NonNegative = 2.0
+    """Derivative gain of the legs [N m s/rad]."""
+    hand_kp: NonNegative = 1.0
+    """Proportional gain of the fingers [N m per unit of opening]."""
+    hand_kd: NonNegative = 0.02
+    """Derivative gain of the fingers."""
+    damping: NonNegative = 0.05
+    """Viscous friction of every joint [N m s/rad]; at twice as much a quick uppercut spends 3 % of its time at the
+    torque limit of the shoulder."""
+    friction_loss: NonNegative = 0.03
+    """Dry friction of every joint [N m]."""
+
+    def apply(self, model: Any) -> None:
+        """Give these gains and this friction to a compiled `mujoco.MjModel`."""
+        index = Index.of(model)
+        for joint, row in index.actuator.items():
+            part = "leg" if any(leg in joint for leg in _LEG_PARTS) else "hand" if joint.endswith("Hand") else "arm"
+            kp, kd = getattr(self, f"{part}_kp"), getattr(self, f"{part}_kd")
+            model.actuator_gainprm[row, 0] = kp
+            model.actuator_biasprm[row, 1:3] = -kp, -kd
+        rows = list(index.dof.values())
+        model.dof_damping[rows] = self.damping
+        model.dof_frictionloss[rows] = self.friction_loss
+
+
+class Stiffness:
+    """Sets the stiffness of single joints at run time, by scaling the torque limits of the compiled model.
+
+    0 makes the joint limp, 1 allows the full torque. The model is shared by everyone who simulates with it: set it back
+    to 1.
+
+    Args:
+        model: The compiled `mujoco.MjModel`.
+        actuator_ids: Where each joint's actuator stands in the model.
+    """
+
+    def __init__(self, model: Any, actuator_ids: dict[str, int]) -> None:
+        self._model = model
+        self._ids = dict(actuator_ids)
+        self._full_range = model.actuator_forcerange.copy()
+
+    def set(self, joints: tuple[str, ...], stiffness: float) -> None:
+        """Limit the torque of `joints` to `stiffness` (0 to 1) times their full torque.
+
+        Raises:
+            SettingsError: If `stiffness` lies outside 0 to 1 or a joint has no motor of its own.
+        """
+        stiffness = checked(UnitInterval, stiffness, "stiffness")
+        unknown = [joint for joint in joints if joint not in self._ids]
+        if unknown:
+            raise SettingsError(
+                f"`joints` should name motorised joints, but {unknown[0]!r} is none of {list(self._ids)}."
+            )
+        rows = np.array([self._ids[joint] for joint in joints], dtype=int)
+        self._model.actuator_forcerange[rows] = stiffness * self._full_range[rows]
+
+    def reset(self) -> None:
+        """Give every joint its full torque again."""
+        self._model.actuator_forcerange[:] = self._full_range
+
+
 class Scene:
     """The ring with the robot on its own feet before the bag.
 
@@ -176,8 +246,7 @@ class Scene:
         """The compiled `mujoco.MjModel`, made at first use."""
         model = self.spec.compile()
         if self._servos is not None:
-            index = Index.of(model)
-            self._servos.apply(model, index.actuator, index.dof)
+            self._servos.apply(model)
         return model
 
     @functools.cached_property

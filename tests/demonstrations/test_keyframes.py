@@ -96,7 +96,7 @@ def test_a_varied_action_still_ends_in_time_within_the_ranges():
 def test_wander_has_the_size_and_the_frequencies_it_is_given(part, band):
     path = vary(keyframes("left_jab"), GuidanceVariation(drift_rad=0.02, tremor_rad=0.004), np.random.default_rng(0))
     times = np.arange(0, 400, 0.01)
-    signal = getattr(path, part).at(times)
+    signal = getattr(path, part)(times)
     assert signal.std() == pytest.approx({"drift": 0.02, "tremor": 0.004}[part], rel=0.05)
     power = np.abs(np.fft.rfft(signal * np.hanning(len(times))[:, None], axis=0)) ** 2
     frequencies = np.fft.rfftfreq(len(times), 0.01)

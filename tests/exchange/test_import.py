@@ -7,7 +7,7 @@ import pytest
 
 from creative_nao import exchange
 from creative_nao.demonstrations import load_demonstrations
-from creative_nao.demonstrations.resampling import resample
+from creative_nao.demonstrations.files import resample
 from creative_nao.errors import FileFormatError
 from creative_nao.joints import JOINTS
 
