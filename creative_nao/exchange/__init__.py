@@ -2,8 +2,8 @@
 
 - `Motion`: angles, tick, joints, metadata (`keys.py`); `read` and `write` do all formats (`formats.py`).
 - `inspect`, `made_safe`, `UnsafeMotionError`: may a robot be asked to do it (`safety.py`)?
-- `FORMATS`: csv, npz and webots (`tables.py`), naoqi and json (`choregraphe.py`), ros (`ros.py`). What an importer
-  found becomes a movement in `keys.py`.
+- `FORMATS`: csv and npz (`formats.py`), naoqi and json (`choregraphe.py`), ros and webots (`simulators.py`). What an
+  importer found becomes a movement in `keys.py`.
 """
 
 from creative_nao.exchange.formats import FORMATS, Exported, format_for, read, recognise, write

@@ -24,11 +24,11 @@ from creative_nao.exchange.keys import (
     Keys,
     Motion,
     joint_names,
-    json_object,
     listed,
     number,
     text_of,
 )
+from creative_nao.schema import JsonObject, parse
 
 FORMAT_NAME = "creative-nao key lists"
 _UNITS = {"rad": "radians", "radian": "radians", "radians": "radians"}
@@ -67,7 +67,7 @@ def read_json(path: Path, content: bytes) -> Keys:
     Raises:
         FileFormatError: If a list is missing or of the wrong kind, or the angles are relative.
     """
-    found = json_object(path, text_of(path, content))
+    found = parse(JsonObject, text_of(path, content), str(path))
     angles = found.get("angles", found.get("keys"))
     if angles is None or "names" not in found or "times" not in found:
         raise FileFormatError(
@@ -174,8 +174,11 @@ def _gathered(path: Path, tree: ast.Module) -> dict[str, list[Any]]:
                     f"{path}: line {node.lineno}: `{name}` begins anew; the file holds more than one movement, "
                     "keep one."
                 )
-            value = node.value
-            literal = [] if value is None or _is_empty(value) else _literal(path, value, name)
+            match node.value:
+                case None | ast.Call(func=ast.Name(id="list"), args=[]):
+                    literal = []
+                case value:
+                    literal = _literal(path, value, name)
             found[name] = listed(literal, f"{path}: line {node.lineno}: `{name}`")
     return found
 
@@ -183,10 +186,6 @@ def _gathered(path: Path, tree: ast.Module) -> dict[str, list[Any]]:
 def _list_name(node: ast.expr) -> str:
     name = node.id if isinstance(node, ast.Name) else node.attr if isinstance(node, ast.Attribute) else ""
     return _LISTS.get(name, "")
-
-
-def _is_empty(node: ast.expr) -> bool:
-    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "list" and not node.args
 
 
 def _literal(path: Path, node: ast.expr, name: str) -> Any:
@@ -212,10 +211,8 @@ def _without_print_statements(text: str) -> str:
     return "\n".join(lines)
 
 
-MAX_KEYS_PER_S = 50
+_SHORTEST_S = 0.02
 """The robot's motion process takes a new target every 20 ms; more keys would be lost."""
-
-_SHORTEST_S = 1.0 / MAX_KEYS_PER_S
 
 
 def script(motion: Motion, file: str = "movement.py") -> str:
@@ -239,7 +236,7 @@ def write_script(motion: Motion, path: Path) -> list[str]:
     """Write the program; finer ticks than 20 ms are brought to 20 ms first."""
     notes = []
     if motion.dt_s < _SHORTEST_S * (1.0 - 1e-9):
-        notes.append(f"keys every {motion.dt_s:g} s brought to {_SHORTEST_S:g} s, {MAX_KEYS_PER_S} a second")
+        notes.append(f"keys every {motion.dt_s:g} s brought to {_SHORTEST_S:g} s, {1 / _SHORTEST_S:.0f} a second")
         times = np.arange(len(motion.angles)) * motion.dt_s
         fine = resample(times, motion.angles, _SHORTEST_S) if len(times) > 1 else motion.angles
         motion = dataclasses.replace(motion, angles=fine, dt_s=_SHORTEST_S)

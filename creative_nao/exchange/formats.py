@@ -1,4 +1,8 @@
-"""Write a movement in any format, read one from any file."""
+"""Write a movement in any format, read one from any file; the tables CSV and NPZ.
+
+CSV is read less strictly here than where a network learns from it: degrees are recognised, and angles beyond a range
+are left to the check before an export. Every bit of every angle comes back.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +12,110 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from creative_nao import storage
-from creative_nao.demonstrations.files import checked_path
+from creative_nao.arrays import only_arrays, unpack_npz
+from creative_nao.demonstrations import files
+from creative_nao.demonstrations.files import MAX_FILE_BYTES, checked_path
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
-from creative_nao.exchange import choregraphe, ros, tables
-from creative_nao.exchange.keys import MAX_FILE_BYTES, Keys, Motion, Recording, to_motion
+from creative_nao.exchange import choregraphe, simulators
+from creative_nao.exchange.keys import Keys, Motion, Recording, text_of, to_motion
 from creative_nao.exchange.safety import Unsafe, made_safe
 from creative_nao.joints import JOINTS
-from creative_nao.schema import checked
+from creative_nao.schema import JsonObject, checked, parse
+
+
+def write_csv(motion: Motion, path: Path) -> list[str]:
+    """Write `time_s` and one column for each joint."""
+    files.save_trajectory(path, motion.angles, motion.dt_s, motion.joints)
+    return []
+
+
+def read_csv(path: Path, content: bytes) -> Keys:
+    """Read a CSV file with a column `time_s` in seconds.
+
+    Raises:
+        FileFormatError: If it is not such a table; the message names line and column.
+    """
+    header, rows = files.read_table(path, text_of(path, content))
+    time = files.TIME_COLUMN
+    if header.count(time) != 1 or len(header) < 2:
+        raise FileFormatError(
+            f"{path}: the first line should be `{time}` and joint names, but is {', '.join(header)[:200]}."
+        )
+    columns: list[list[float]] = [[] for _ in header]
+    for line, row in rows:
+        for cell, name, column in zip(row, header, columns, strict=True):
+            try:
+                column.append(files.cell_number(cell))
+            except ValueError:
+                if "," in cell:
+                    told = f"`{name}` is `{cell[:40]}`; a decimal comma?"
+                    raise FileFormatError(f"{path}: line {line}: {told}") from None
+                column.append(float("nan"))  # a column that nobody wants may hold text
+    times = np.array(columns.pop(header.index(time)))
+    joints = tuple(name for name in header if name != time)
+    if np.isnan(times).any():
+        raise FileFormatError(f"{path}: `{time}` holds something that is not a number.")
+    return Keys(joints, [times] * len(joints), [np.array(column) for column in columns])
+
+
+def write_npz(motion: Motion, path: Path) -> list[str]:
+    """Write the arrays `angles`, `dt_s`, `joints` and `metadata` (JSON text)."""
+    with storage.replacing(path) as temporary, open(temporary, "wb") as stream:
+        np.savez(
+            stream,
+            angles=motion.angles,
+            dt_s=np.array(motion.dt_s),
+            joints=np.array(motion.joints),
+            metadata=np.array(json.dumps(motion.metadata)),
+        )
+    return []
+
+
+def read_npz(path: Path, content: bytes) -> Keys:
+    """Read what `write_npz` writes; `times_s`, shape (n_steps,), may stand in the place of `dt_s`.
+
+    Raises:
+        FileFormatError: If an array is missing, torn, pickled, or has the wrong type or shape.
+    """
+    arrays = unpack_npz(path, "movement", content, MAX_FILE_BYTES)
+    only_arrays(path, arrays, ("angles", "joints", "dt_s", "times_s", "metadata"))
+    for name in ("angles", "joints"):
+        if name not in arrays:
+            raise FileFormatError(f"{path}: the array `{name}` is missing; the file has {', '.join(arrays)[:200]}.")
+    joints, angles = arrays["joints"], arrays["angles"]
+    if joints.ndim != 1 or joints.dtype.kind != "U" or not len(joints):
+        raise FileFormatError(f"{path}: `joints` should be a list of names, but is {joints.dtype} {joints.shape}.")
+    if angles.dtype.kind not in "fiu" or angles.ndim != 2 or angles.shape[1] != len(joints):
+        raise FileFormatError(
+            f"{path}: `angles` should be numbers of shape (n_steps, {len(joints)}), "
+            f"but is {angles.dtype} {angles.shape}."
+        )
+    times = _times(path, arrays, len(angles))
+    metadata = arrays.get("metadata", np.array("{}"))
+    if metadata.dtype.kind != "U" or metadata.shape != ():
+        raise FileFormatError(f"{path}: `metadata` should be JSON text, but is {metadata.dtype}.")
+    metadata = parse(JsonObject, str(metadata), str(path))
+    columns = [column.astype(np.float64) for column in angles.T]
+    return Keys(tuple(str(name) for name in joints), [times] * len(columns), columns, "radians", metadata=metadata)
+
+
+def _times(path: Path, arrays: dict[str, np.ndarray], n_steps: int) -> np.ndarray:
+    for name, shape in (("times_s", (n_steps,)), ("dt_s", ())):
+        if name in arrays:
+            found = arrays[name]
+            if found.dtype.kind not in "fiu" or found.shape != shape:
+                raise FileFormatError(
+                    f"{path}: `{name}` should be numbers of shape {shape}, but is {found.dtype} {found.shape}."
+                )
+            if name == "times_s":
+                return found.astype(np.float64)
+            if not (np.isfinite(found) and found > 0):
+                raise FileFormatError(f"{path}: `dt_s` should be a positive number of seconds, but is {found}.")
+            return np.arange(n_steps) * float(found)
+    raise FileFormatError(f"{path}: neither `dt_s` nor `times_s` is there; the file has {', '.join(arrays)[:200]}.")
 
 
 @dataclass(frozen=True)
@@ -32,18 +132,16 @@ class Format:
 
 
 FORMATS: dict[str, Format] = {
-    "csv": Format((".csv",), tables.write_csv, tables.read_csv, "table, for `train` and `score`", False, False),
-    "npz": Format((".npz",), tables.write_npz, tables.read_npz, "NumPy arrays, no pickle", True, False),
+    "csv": Format((".csv",), write_csv, read_csv, "table, for `train` and `score`", False, False),
+    "npz": Format((".npz",), write_npz, read_npz, "NumPy arrays, no pickle", True, False),
     "naoqi": Format((".py",), choregraphe.write_script, choregraphe.read_python, "program for the robot", True, True),
     "json": Format((".json",), choregraphe.write_json, choregraphe.read_json, "the lists NAOqi takes", True, True),
     "ros": Format(
-        (".yaml", ".yml", ".json"), ros.write_ros, ros.read_ros, "JointTrajectory", False, True
+        (".yaml", ".yml", ".json"), simulators.write_ros, simulators.read_ros, "JointTrajectory", False, True
     ),
-    "webots": Format((".motion",), tables.write_motion, tables.read_motion, "Webots motion", False, True),
-}  # fmt: skip
+    "webots": Format((".motion",), simulators.write_motion, simulators.read_motion, "Webots motion", False, True),
+}
 """Every format by name."""
-
-_YAML = (".yaml", ".yml")
 
 
 @dataclass(frozen=True)
@@ -111,7 +209,7 @@ def write(
     safe, changes = made_safe(motion, unsafe)
     notes = one.write(safe, path)
     record = None
-    if safe.metadata and not one.holds_metadata and path.suffix.lower() not in _YAML:
+    if safe.metadata and not one.holds_metadata and path.suffix.lower() not in (".yaml", ".yml"):
         record = path.with_name(path.name + ".record.json")
         storage.write_text(record, json.dumps(safe.metadata, indent=2) + "\n")
     return Exported(path, name, safe, tuple(changes), tuple(notes), record)
@@ -126,7 +224,7 @@ def recognise(path: str | os.PathLike[str], content: bytes) -> str:
     start = content[:4096].lstrip(b"\xef\xbb\xbf \t\r\n")
     if start.startswith(b"PK\x03\x04"):
         return "npz"
-    if start.startswith(tables.MARK.encode()):
+    if start.startswith(simulators.MARK.encode()):
         return "webots"
     if start.startswith(b"{"):
         return "ros" if b'"joint_names"' in content and b'"points"' in content else "json"

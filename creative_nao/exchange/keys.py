@@ -31,7 +31,7 @@ from creative_nao.demonstrations.files import (
 from creative_nao.demonstrations.keyframes import DT_S
 from creative_nao.errors import FileFormatError, SettingsError, nearest_name, shown
 from creative_nao.joints import JOINTS, LIMITS_RAD
-from creative_nao.schema import JsonObject, Names, checked, parse
+from creative_nao.schema import JsonObject, Names, checked
 
 CYCLE_S = 0.010
 """Cycle of the robot's device controller [s]; ticks made here are whole numbers of it."""
@@ -41,9 +41,6 @@ APPROACH_SPEED_RAD_S = 1.5
 
 MIN_LEAD_S = 1.0
 """Shortest time for that way [s]."""
-
-MAX_FILE_BYTES = 20_000_000
-"""Larger files are refused before they are read."""
 
 MAX_POSTURES = 20_000
 """Longest movement that is read, in postures."""
@@ -156,11 +153,6 @@ def text_of(path: Path, content: bytes) -> str:
     return storage.as_text(content, str(path), "movement")
 
 
-def json_object(path: Path, text: str) -> dict[str, Any]:
-    """Return the object that JSON text holds."""
-    return parse(JsonObject, text, str(path))
-
-
 def number(value: object, where: str) -> float:
     """Return a value of a file as a finite number; `where` begins the message.
 
@@ -205,7 +197,15 @@ def to_motion(
     dt_s = None if dt_s is None else checked(Tick, dt_s, "dt_s")
     notes = list(keys.notes)
     wanted = keys.joints if joints is None else checked(Names, joints, "joints")
-    columns = _columns(keys.joints, wanted, path)
+    for name in wanted:
+        if name not in keys.joints:
+            raise FileFormatError(
+                f"{path}: joint `{name}` is missing{nearest_name(name, keys.joints)}; "
+                f"the file has {', '.join(keys.joints)[:200]}."
+            )
+        if keys.joints.count(name) > 1:
+            raise FileFormatError(f"{path}: joint `{name}` stands in the file more than once.")
+    columns = [keys.joints.index(name) for name in wanted]
     ignored = [name for name in keys.joints if name not in wanted]
     if ignored:
         notes.append(f"left out, not among the wanted joints: {', '.join(ignored)[:300]}")
@@ -214,19 +214,16 @@ def to_motion(
         _check(f"{path}: {name}", when, where)
     angles = _in_radians(wanted, angles, keys.unit, notes)
     when, postures = _together(times, angles, notes)
-    return _at_one_tick(keys, path, when, postures, dt_s, wanted, notes), tuple(notes)
-
-
-def _columns(present: tuple[str, ...], wanted: tuple[str, ...], path: Path) -> list[int]:
-    for name in wanted:
-        if name not in present:
-            raise FileFormatError(
-                f"{path}: joint `{name}` is missing{nearest_name(name, present)}; "
-                f"the file has {', '.join(present)[:200]}."
-            )
-        if present.count(name) > 1:
-            raise FileFormatError(f"{path}: joint `{name}` stands in the file more than once.")
-    return [present.index(name) for name in wanted]
+    if len(when) < 2:
+        raise FileFormatError(f"{path}: has a single posture, expected at least 2.")
+    own = _own_tick(when, keys.time_step_s)
+    if own is not None and (dt_s is None or abs(own - dt_s) <= _EVEN_S):
+        return Motion(postures, own if dt_s is None else dt_s, wanted, keys.metadata), tuple(notes)
+    tick = DT_S if dt_s is None else dt_s
+    check_duration(float(when[-1] - when[0]), tick, MAX_POSTURES, f"{path}")
+    rate = "unevenly spaced postures" if own is None else f"postures every {own:g} s"
+    notes.append(f"{rate} brought to a tick of {tick:g} s")
+    return Motion(resample(when, postures, tick), tick, wanted, keys.metadata), tuple(notes)
 
 
 def _check(joint: str, times: np.ndarray, angles: np.ndarray) -> None:
@@ -283,27 +280,6 @@ def _together(times: list[np.ndarray], angles: list[np.ndarray], notes: list[str
     ]
     notes.append("joints have keys at different times; between a joint's keys a monotone cubic was taken")
     return common, np.stack(columns, axis=1)
-
-
-def _at_one_tick(
-    keys: Keys,
-    path: Path,
-    times: np.ndarray,
-    postures: np.ndarray,
-    dt_s: float | None,
-    joints: tuple[str, ...],
-    notes: list[str],
-) -> Motion:
-    if len(times) < 2:
-        raise FileFormatError(f"{path}: has a single posture, expected at least 2.")
-    own = _own_tick(times, keys.time_step_s)
-    if own is not None and (dt_s is None or abs(own - dt_s) <= _EVEN_S):
-        return Motion(postures, own if dt_s is None else dt_s, joints, keys.metadata)
-    tick = DT_S if dt_s is None else dt_s
-    check_duration(float(times[-1] - times[0]), tick, MAX_POSTURES, f"{path}")
-    rate = "unevenly spaced postures" if own is None else f"postures every {own:g} s"
-    notes.append(f"{rate} brought to a tick of {tick:g} s")
-    return Motion(resample(times, postures, tick), tick, joints, keys.metadata)
 
 
 def _own_tick(times: np.ndarray, time_step_s: float) -> float | None:

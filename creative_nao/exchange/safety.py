@@ -67,7 +67,16 @@ def inspect(motion: Motion) -> list[Finding]:
     An angle may lie one count of the encoder (0.0015 rad) beyond its range, since no recording is finer than that.
     """
     found: list[Finding] = []
-    checked(Motion, motion, "motion")
+    dt_s = checked(Motion, motion, "motion").dt_s
+
+    def add(kind: Literal["angle", "speed"], joint: str, values: np.ndarray, beyond: np.ndarray, most: float) -> None:
+        """Add a finding for each run of steps that are beyond by more than `most`; a step of speed is a tick long."""
+        over, width = np.flatnonzero(beyond > most), int(kind == "speed")
+        for run in np.split(over, np.flatnonzero(np.diff(over) > 1) + 1) if len(over) else ():
+            worst = int(run[beyond[run].argmax()])
+            start, end = float(run[0] * dt_s), float((run[-1] + width) * dt_s)
+            found.append(Finding(kind, joint, start, end, worst * dt_s, float(values[worst]), float(beyond[worst])))
+
     for column, joint in enumerate(motion.joints):
         if joint not in LIMITS_RAD:
             found.append(Finding("unknown", joint, 0.0, motion.duration_s, 0.0, 0.0, 0.0))
@@ -75,9 +84,9 @@ def inspect(motion: Motion) -> list[Finding]:
         angles = motion.angles[:, column]
         low, high = LIMITS_RAD[joint]
         beyond = np.maximum(low - angles, angles - high)
-        found += _stretches("angle", joint, angles, beyond, ENCODER_STEP_RAD, motion.dt_s, 0)
-        speeds = np.abs(np.diff(angles)) / motion.dt_s
-        found += _stretches("speed", joint, speeds, speeds - MAX_SPEED_RAD_S[joint], _ROUNDING, motion.dt_s, 1)
+        add("angle", joint, angles, beyond, ENCODER_STEP_RAD)
+        speeds = np.abs(np.diff(angles)) / dt_s
+        add("speed", joint, speeds, speeds - MAX_SPEED_RAD_S[joint], _ROUNDING)
     return found
 
 
@@ -114,44 +123,17 @@ def made_safe(motion: Motion, unsafe: Unsafe = "refuse") -> tuple[Motion, list[s
     if slight > 0 and not sentences:
         sentences.append(f"set to the end of the range where at most one encoder count beyond it ({slight:.5f} rad)")
     motion = dataclasses.replace(motion, angles=clipped)
-    slower, sentence = _slowed(motion)
-    return slower, sentences + ([sentence] if sentence else [])
-
-
-def _slowed(motion: Motion) -> tuple[Motion, str]:
-    """Stretch time until every motor can follow."""
     fastest = np.array([MAX_SPEED_RAD_S[joint] for joint in motion.joints])
     ratio = np.abs(np.diff(motion.angles, axis=0)) / (motion.dt_s * fastest)
     factor = float(ratio.max(initial=0.0))
     if factor <= 1.0 + _ROUNDING:
-        return motion, ""
+        return motion, sentences
     dt_s = round(math.ceil(motion.dt_s * factor / CYCLE_S - _ROUNDING) * CYCLE_S, 9)
     step, column = np.unravel_index(int(ratio.argmax()), ratio.shape)
     joint = motion.joints[column]
-    sentence = (
+    sentences.append(
         f"slowed: {joint} would move at {factor * MAX_SPEED_RAD_S[joint]:.2f} rad/s at {step * motion.dt_s:.2f} s, "
         f"its motor at {MAX_SPEED_RAD_S[joint]:.2f} rad/s at most; every tick lasts {dt_s:g} s instead of "
         f"{motion.dt_s:g} s ({dt_s / motion.dt_s:.3f} times)"
     )
-    return dataclasses.replace(motion, dt_s=dt_s), sentence
-
-
-def _stretches(
-    kind: Literal["angle", "speed"],
-    joint: str,
-    values: np.ndarray,
-    beyond: np.ndarray,
-    tolerance: float,
-    dt_s: float,
-    width: int,
-) -> list[Finding]:
-    """Return one finding for each run of steps that are beyond; a step of speed is `width` ticks long."""
-    over = np.flatnonzero(beyond > tolerance)
-    if not len(over):
-        return []
-    found = []
-    for run in np.split(over, np.flatnonzero(np.diff(over) > 1) + 1):
-        worst = int(run[beyond[run].argmax()])
-        start, end = float(run[0] * dt_s), float((run[-1] + width) * dt_s)
-        found.append(Finding(kind, joint, start, end, worst * dt_s, float(values[worst]), float(beyond[worst])))
-    return found
+    return dataclasses.replace(motion, dt_s=dt_s), sentences

@@ -65,8 +65,9 @@ READERS = {
     "creative_nao/evaluation/jobs.py": ("job", "job_result"),
     "creative_nao/evaluation/results.py": ("results", "published"),
     "creative_nao/evaluation/suites.py": ("toml",),
-    "creative_nao/exchange/formats.py": ("motion_csv", "motion_json", "motion_ros", "motion_py", "motion_webots"),
-    "creative_nao/exchange/tables.py": ("motion_npz",),
+    "creative_nao/exchange/formats.py": ("motion_csv", "motion_npz"),
+    "creative_nao/exchange/choregraphe.py": ("motion_json", "motion_py"),
+    "creative_nao/exchange/simulators.py": ("motion_ros", "motion_webots"),
     "creative_nao/explorer/state.py": ("session",),
     "creative_nao/model/training.py": ("checkpoint",),
     "creative_nao/model/memory.py": ("memory",),
@@ -78,6 +79,7 @@ OWN_FILES = {
     "creative_nao/maps/figure_style.py": "pictures it has just drawn",
     "creative_nao/cli/dispatch.py": "the null device",
     "creative_nao/cli/doctor.py": "/proc/meminfo",
+    "creative_nao/demonstrations/keyframes.py": "the punches, which ship",
     "creative_nao/evaluation/pages.py": "pictures it has just drawn",
     "creative_nao/evaluation/paper/claims.py": "what the paper says, which ships",
     "creative_nao/evaluation/paper/page.py": "results it has just written",
@@ -90,13 +92,14 @@ OWN_FILES = {
     "creative_nao/explorer/teach_page.py": "its style sheets",
     "creative_nao/explorer/teach_training.py": "the memory it has just written",
     "creative_nao/model/memory.py": "scores that ship",
+    "creative_nao/robot/postures.py": "the postures, which ship",
     "creative_nao/runtime.py": "any file, for its hash only",
 }
 """Modules that open a file directly, and why no stranger's content gets in that way."""
 
 WRITERS = (
     "creative_nao/agents/callbacks.py",
-    "creative_nao/evaluation/plots.py", "creative_nao/exchange/tables.py", "creative_nao/maps/map.py",
+    "creative_nao/evaluation/plots.py", "creative_nao/exchange/formats.py", "creative_nao/maps/map.py",
 )  # fmt: skip
 """Modules that open files to write them."""
 
