@@ -72,11 +72,7 @@ class SupervisedAgent(Agent):
     name: ClassVar[str] = "supervised"
 
     def start(self, context: Context) -> None:
-        """Draw the points of the whole episode at once.
-
-        Raises:
-            SettingsError: If the budget is larger than the grid.
-        """
+        """Draw the points of the whole episode at once; a budget beyond the grid is a `SettingsError`."""
         grid = pb_grid(PAPER_RESOLUTION)
         if context.n_actions > len(grid):
             raise SettingsError(
@@ -110,11 +106,7 @@ class ReplayAgent(MovementAgent):
         self.settings = settings_or_default(settings, ReplaySettings)
 
     def start(self, context: Context) -> None:
-        """Read the learned PB vectors.
-
-        Raises:
-            SettingsError: If the context has no memory.
-        """
+        """Read the learned PB vectors; a context without a memory is a `SettingsError`."""
         super().start(context)
         if context.memory is None:
             raise SettingsError(f"agent `{self.name}` plays learned PB vectors: `context.memory` should tell them")
@@ -262,8 +254,7 @@ class OracleAgent(MovementAgent):
     def start(self, context: Context) -> None:
         """Compute the map, unless the last episode of an oracle was one of the same memory.
 
-        Raises:
-            SettingsError: If the context has no memory that generates movements, or nothing on the map is appropriate.
+        A memory that generates no movements, or none that is appropriate, is a `SettingsError`.
         """
         super().start(context)
         if not hasattr(context.memory, "generate"):

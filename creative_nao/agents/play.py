@@ -162,7 +162,7 @@ def evaluate_agent(
         agent: The agent.
         env_id: Name of the environment.
         memories: Names or files of memories.
-        seeds: Seeds; each decides the environment's and the agent's draws of an episode.
+        seeds: Each decides the environment's and the agent's draws of an episode.
         progress: Called with the number of episodes played.
 
     Raises:

@@ -26,16 +26,7 @@ def arm_excursions(info: Mapping[str, Any]) -> np.ndarray:
     """Return how far each arm moves: the mean over its joints of largest minus smallest angle [rad].
 
     The first half of the joints counts as one arm and the second as the other: of the NAO the right and the left.
-    A punch of the paper reads about (0.06, 0.8) or (0.8, 0.06).
-
-    Args:
-        info: Terms of a step in which a movement was scored.
-
-    Returns:
-        Shape (2,), at least 0; zero for an inappropriate movement.
-
-    Raises:
-        SettingsError: If `info` does not hold the movement.
+    A punch of the paper reads about (0.06, 0.8) or (0.8, 0.06). Shape (2,); zero for an inappropriate movement.
     """
     trajectory = _scored_trajectory(info)
     if not info["appropriate"]:
@@ -46,17 +37,9 @@ def arm_excursions(info: Mapping[str, Any]) -> np.ndarray:
 
 
 def mean_postures(info: Mapping[str, Any], n_stretches: int) -> np.ndarray:
-    """Return the mean posture in each of `n_stretches` equal stretches of a movement [rad].
+    """Return the mean posture in each of `n_stretches` equal stretches of a movement [rad]; at most one a tick.
 
-    Args:
-        info: Terms of a step in which a movement was scored.
-        n_stretches: Into how many stretches of time the movement is cut; more than it has ticks count as its ticks.
-
-    Returns:
-        Shape (n_stretches * n_joints,), stretch by stretch; for an inappropriate movement its first posture, held.
-
-    Raises:
-        SettingsError: If `info` does not hold the movement.
+    Shape (n_stretches * n_joints,), stretch by stretch; for an inappropriate movement its first posture, held.
     """
     trajectory = _scored_trajectory(info)
     n_stretches = min(n_stretches, len(trajectory))

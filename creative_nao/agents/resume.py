@@ -344,12 +344,7 @@ def save_checkpoint(path: Path, plan: dict[str, Any], record: TrainingRecord, st
 
 
 def load_checkpoint(path: Path, plan: dict[str, Any]) -> tuple[TrainingRecord, TrainingState]:
-    """Read a file of `save_checkpoint`.
-
-    Raises:
-        FileFormatError: If it is damaged.
-        SettingsError: If it is of another plan; the message names the setting.
-    """
+    """Read a file of `save_checkpoint`; that it is of another plan is a `SettingsError` that names the setting."""
     values, arrays = load_tensors(path, kind=KIND)
     header = parse(_Header, values, f"{path}: header")
     if isinstance(settings := header.plan.get("hyperparameters"), dict):

@@ -156,12 +156,6 @@ def memories_of(name: str) -> tuple[str, ...]:
 def make_model(chosen: Hyperparameters, env_id: str, *, seed: int, env_kwargs: dict[str, Any]) -> Any:
     """Return the untrained model with its environments: the native vector environment where there is one.
 
-    Args:
-        chosen: Algorithm, policy and their settings.
-        env_id: Environment to train in.
-        seed: Seed of weights, draws and environments.
-        env_kwargs: Settings of the environment, such as ``{"memory": "train"}``.
-
     Raises:
         NotFoundError: If there is no such environment or memory.
         MissingDependencyError: If the algorithm's package is not installed.
