@@ -6,37 +6,20 @@ sends or keeps for us is either sound or refused with one line.
 
 from __future__ import annotations
 
-import io
 import json
 import re
-from base64 import b64encode
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
-from PIL import Image
 
 from creative_nao.demonstrations import Demonstrations
 from creative_nao.demonstrations.keyframes import ACTIONS, DT_S, GUARD, Movement, both_arms, keyframes
 from creative_nao.errors import FileFormatError, SettingsError
-from creative_nao.explorer.memory_service import (
-    HEIGHT,
-    LEFT,
-    ORDER,
-    PANEL_H,
-    PANEL_W,
-    TOP,
-    WIDTH,
-    frame,
-    height_of,
-    polyline,
-    spoken,
-)
+from creative_nao.explorer.memory_service import spoken
 from creative_nao.joints import JOINTS, MAX_SPEED_RAD_S, MIRROR_SIGN, N_JOINTS, limits
-from creative_nao.maps import PBMap
-from creative_nao.maps.figure_style import action_letter
-from creative_nao.maps.picture import map_image
 from creative_nao.measures import Criteria, dtw_matrix
-from creative_nao.storage import as_json
+from creative_nao.schema import AfterValidator, Field, parse, record
 
 MAX_DRAFTS = 8
 MAX_KEYS = 24
@@ -44,81 +27,78 @@ MAX_DURATION_S = 12.0
 MIN_GAP_S = 0.05
 """Shortest time between two keys [s]."""
 MAX_TEXT = 60_000
-"""Characters of the largest keyframes as text."""
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,23}")
+"""Characters of the largest set as text."""
 _ROUNDING_RAD = 1e-9
 
 
-@dataclass(frozen=True)
+def _draft_name(name: str) -> str:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,23}", name):
+        raise ValueError("a letter, then up to 23 letters, digits or _")
+    return name
+
+
+KeyRow = Annotated[tuple[float, ...], Field(min_length=1 + N_JOINTS, max_length=1 + N_JOINTS)]
+"""A key as text: its time [s] and the angles [rad]."""
+Rows = Annotated[tuple[tuple[str, tuple[KeyRow, ...]], ...], Field(min_length=1)]
+"""Demonstrations as text: name and keys of each."""
+
+
+@record
 class Key:
     """A posture [rad], in the order of `joints.JOINTS`, and when it is reached [s]."""
 
     time_s: float
-    posture: tuple[float, ...]
+    posture: Annotated[tuple[float, ...], Field(min_length=N_JOINTS, max_length=N_JOINTS)]
+
+    def __post_init__(self) -> None:
+        """Refuse a posture outside the joints' ranges."""
+        low, high = limits()
+        if not ((self.posture >= low - _ROUNDING_RAD) & (self.posture <= high + _ROUNDING_RAD)).all():
+            raise SettingsError(f"the posture at {self.time_s:g} s should lie in the joints' ranges")
 
 
-@dataclass(frozen=True)
+@record
 class Draft:
     """One demonstration in the making.
 
     Attributes:
         name: A letter, then up to 23 letters, digits or underscores: it will name a file.
         keys: 2 to `MAX_KEYS`, the first at 0 s, each at least `MIN_GAP_S` after the one before.
-
-    Raises:
-        SettingsError: If a key or the name is not like that, or a posture leaves the joints' ranges.
     """
 
-    name: str
+    name: Annotated[str, AfterValidator(_draft_name)]
     keys: tuple[Key, ...]
 
     def __post_init__(self) -> None:
-        """Check everything, since it may come from a browser."""
-        if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
-            raise SettingsError(
-                f"a name should be a letter, then up to 23 letters, digits or _, but is {self.name!r:.40}"
-            )
+        """Check number and times of the keys."""
         if not 2 <= len(self.keys) <= MAX_KEYS:
             raise SettingsError(f"{self.name} should have 2 to {MAX_KEYS} keys, but has {len(self.keys)}")
-        times = np.array([key.time_s for key in self.keys], dtype=np.float64)
+        times = np.array([key.time_s for key in self.keys])
         if times[0] != 0 or not (np.diff(times) >= MIN_GAP_S - 1e-9).all() or not times[-1] <= MAX_DURATION_S:
             raise SettingsError(
                 f"{self.name}: the keys should begin at 0 s, follow each other by {MIN_GAP_S} s or more and end by "
                 f"{MAX_DURATION_S:g} s, but are at {', '.join(f'{time:g}' for time in times)}"
             )
-        low, high = limits()
-        for key in self.keys:
-            posture = np.array(key.posture, dtype=np.float64)
-            fits = posture.shape == (N_JOINTS,)
-            if not fits or not ((posture >= low - _ROUNDING_RAD) & (posture <= high + _ROUNDING_RAD)).all():
-                raise SettingsError(
-                    f"{self.name}: the posture at {key.time_s:g} s should be {N_JOINTS} angles in the joints' ranges"
-                )
 
     @property
     def duration_s(self) -> float:
         """Time from the first key to the last [s]."""
         return self.keys[-1].time_s
 
-    @property
-    def n_steps(self) -> int:
-        """Postures of the demonstration, one a tick; the last key is reached within the last tick."""
-        return int(np.ceil(round(self.duration_s / DT_S, 6))) + 1
-
     def movement(self) -> Movement:
         """Return the keys joined by minimum-jerk curves."""
         return Movement(np.array([k.time_s for k in self.keys]), np.array([k.posture for k in self.keys]))
 
     def trajectory(self) -> np.ndarray:
-        """Return the joint angles at every tick [rad], shape (n_steps, 8)."""
-        return self.movement().at(np.arange(self.n_steps) * DT_S)
+        """Return the joint angles at every tick [rad], shape (n_steps, 8); the last tick reaches the last key."""
+        return self.movement().at(np.arange(int(np.ceil(round(self.duration_s / DT_S, 6))) + 1) * DT_S)
 
     def with_key(self, time_s: float) -> tuple[Draft, int]:
         """Add a key on the curve as it is, or behind its end, and return the draft and the key's place."""
-        time = round(float(time_s), 2)
-        posture = tuple(float(angle) for angle in self.movement().at(np.array([time]))[0])
-        keys = sorted([*self.keys, Key(time, posture)], key=lambda key: key.time_s)
-        return replace(self, keys=tuple(keys)), next(k for k, key in enumerate(keys) if key.time_s == time)
+        time_s = round(float(time_s), 2)
+        added = Key(time_s, tuple(self.movement().at(np.array([time_s]))[0]))
+        keys = sorted([*self.keys, added], key=lambda key: key.time_s)
+        return replace(self, keys=tuple(keys)), next(k for k, key in enumerate(keys) if key.time_s == time_s)
 
     def without_key(self, place: int) -> Draft:
         """Remove a key; if it is the first, the next becomes the beginning."""
@@ -137,25 +117,18 @@ class Draft:
         posture[joint] = min(max(float(angle), low[joint]), high[joint])
         return self._with(place, replace(self.keys[place], posture=tuple(posture)))
 
-    def renamed(self, name: str) -> Draft:
-        """Give it another name."""
-        return replace(self, name=name)
-
     def mirrored(self, name: str) -> Draft:
         """Return the same with the arms changed over."""
-        return Draft(name, tuple(Key(key.time_s, _mirror(key.posture)) for key in self.keys))
+        swapped = [np.concatenate([key.posture[4:], key.posture[:4]]) * np.tile(MIRROR_SIGN, 2) for key in self.keys]
+        return Draft(name, tuple(Key(key.time_s, tuple(p)) for key, p in zip(self.keys, swapped, strict=True)))
 
     def _with(self, place: int, key: Key) -> Draft:
         return replace(self, keys=(*self.keys[:place], key, *self.keys[place + 1 :]))
 
 
-@dataclass(frozen=True)
+@record
 class KeyframeSet:
-    """The demonstrations of one tab, at most `MAX_DRAFTS`, no name twice.
-
-    Raises:
-        SettingsError: If there are too many, or a name repeats.
-    """
+    """The demonstrations of one tab, at most `MAX_DRAFTS`, no name twice."""
 
     drafts: tuple[Draft, ...]
 
@@ -184,41 +157,33 @@ class KeyframeSet:
 
     def demonstrations(self) -> Demonstrations:
         """Return the drafts as basic actions at the tick."""
-        record = {"method": "key postures joined in the explorer's page", "keys": json.loads(self.to_text())}
+        made_by = {"method": "key postures joined in the explorer's page", "keys": json.loads(self.to_text())}
         names = tuple(draft.name for draft in self.drafts)
-        return Demonstrations(names, [draft.trajectory() for draft in self.drafts], DT_S, JOINTS, record)
+        return Demonstrations(names, [draft.trajectory() for draft in self.drafts], DT_S, JOINTS, made_by)
 
     def to_text(self) -> str:
-        """Return the keyframes as JSON."""
+        """Return the set as JSON."""
         return json.dumps(
             [[d.name, [[k.time_s, *(round(a, 6) for a in k.posture)] for k in d.keys]] for d in self.drafts]
         )
 
     @classmethod
     def from_text(cls, text: str) -> KeyframeSet:
-        """Read a keyframes back.
+        """Read a set back.
 
         Raises:
             FileFormatError: If it is none.
             SettingsError: If it breaks a bound.
         """
         if not isinstance(text, str) or len(text) > MAX_TEXT:
-            raise FileFormatError(f"a keyframes is text of at most {MAX_TEXT} characters")
-        try:
-            rows = as_json(text, "keyframes")
-            drafts = [
-                Draft(name, tuple(Key(float(k[0]), tuple(map(float, k[1:]))) for k in keys)) for name, keys in rows
-            ]
-        except SettingsError:
-            raise
-        except (TypeError, ValueError, IndexError, KeyError, OverflowError) as error:
-            raise FileFormatError(f"not a keyframes of demonstrations: {error}") from error
-        return cls(tuple(drafts))
+            raise FileFormatError(f"key postures are text of at most {MAX_TEXT} characters")
+        rows = parse(Rows, text, "key postures")
+        return cls(tuple(Draft(name, tuple(Key(row[0], row[1:]) for row in keys)) for name, keys in rows))
 
 
 def blank(name: str = "my_move") -> Draft:
     """Return a draft that holds the guard for a second and a half: something to begin with."""
-    guard = tuple(float(angle) for angle in both_arms(GUARD, GUARD))
+    guard = tuple(both_arms(GUARD, GUARD))
     return Draft(name, (Key(0.0, guard), Key(1.5, guard)))
 
 
@@ -228,13 +193,8 @@ def boxing() -> KeyframeSet:
     for name in ACTIONS:
         movement = keyframes(name)
         pairs = zip(movement.times_s.round(2), movement.postures, strict=True)
-        drafts.append(Draft(name, tuple(Key(float(time), tuple(map(float, posture))) for time, posture in pairs)))
+        drafts.append(Draft(name, tuple(Key(time_s, tuple(posture)) for time_s, posture in pairs)))
     return KeyframeSet(tuple(drafts))
-
-
-def _mirror(posture: tuple[float, ...]) -> tuple[float, ...]:
-    right, left = np.array(posture[:4]), np.array(posture[4:])
-    return tuple(float(angle) for angle in np.concatenate([left * MIRROR_SIGN, right * MIRROR_SIGN]))
 
 
 MIN_DURATION_S = 0.6
@@ -277,27 +237,27 @@ def fault(draft: Draft) -> str | None:
 
 def shortcomings(keyframes: KeyframeSet) -> list[str]:
     """Return what keeps the set from being taught, one line each; empty when all is well."""
-    found = [one for one in map(fault, keyframes.drafts) if one]
+    faults = [line for line in map(fault, keyframes.drafts) if line]
     if len(keyframes.drafts) < 2:
-        return [*found, "a memory needs two demonstrations or more; add one, or the mirror image of the first"]
+        return [*faults, "a memory needs two demonstrations or more; add one, or the mirror image of the first"]
     every = np.concatenate([draft.trajectory() for draft in keyframes.drafts])
     still = [joint for joint, span in zip(JOINTS, np.ptp(every, axis=0), strict=True) if not span > 0]
     if still:
-        found.append(f"{', '.join(still)} never moves in any demonstration; add a mirror image, or move it somewhere")
-    return found
+        faults.append(f"{', '.join(still)} never moves in any demonstration; add a mirror image, or move it somewhere")
+    return faults
 
 
 def advice(keyframes: KeyframeSet) -> list[str]:
     """Return what will make a memory worse, though it can be taught, one line each."""
     if len(keyframes.drafts) < 2:
         return []
-    found = []
+    lines = []
     starts = np.array([draft.keys[0].posture for draft in keyframes.drafts])
     away = np.abs(starts - starts.mean(axis=0))
-    for draft, one in zip(keyframes.drafts, away, strict=True):
-        if one.max() > START_TOLERANCE_RAD:
-            found.append(
-                f"{spoken(draft.name)} starts {one.max():.2f} rad from the mean start at {JOINTS[int(one.argmax())]}; "
+    for draft, row in zip(keyframes.drafts, away, strict=True):
+        if row.max() > START_TOLERANCE_RAD:
+            lines.append(
+                f"{spoken(draft.name)} starts {row.max():.2f} rad from the mean start at {JOINTS[int(row.argmax())]}; "
                 "a memory starts all its movements in one posture"
             )
     distances = dtw_matrix([draft.trajectory() for draft in keyframes.drafts])
@@ -305,80 +265,5 @@ def advice(keyframes: KeyframeSet) -> list[str]:
     for i, j in zip(*np.triu_indices(len(distances), 1), strict=True):
         if distances[i, j] < threshold:
             names = f"{spoken(keyframes.drafts[i].name)} and {spoken(keyframes.drafts[j].name)}"
-            found.append(f"{names} are {distances[i, j]:.1f} apart: within {threshold:g} they count as one movement")
-    return found
-
-
-LOSS_W, LOSS_H = 300, 150
-
-
-def draft_svg(draft: Draft, place: int) -> str:
-    """Return the eight joints of a demonstration as small multiples; the keys are dots, the one at `place` is large."""
-    angles = draft.trajectory()
-    seconds = (len(angles) - 1) * DT_S
-    panels = []
-    for joint in ORDER:
-        dots = "".join(
-            f'<circle class="{"cn-key-now" if k == place else "cn-key-dot"}" cx="{PANEL_W * key.time_s / seconds:.1f}" '
-            f'cy="{height_of(key.posture[joint]):.1f}" r="{4 if k == place else 2}"/>'
-            for k, key in enumerate(draft.keys)
-        )
-        shift = f"translateX(calc(var(--robot-t, 0) * {PANEL_W}px))"
-        panels.append(
-            f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" xmlns="http://www.w3.org/2000/svg" role="img" '
-            f'aria-label="{JOINTS[joint]} over time"><g transform="translate({LEFT} {TOP})">{frame(joint)}'
-            f"{polyline(angles[:, joint], len(angles), 'cn-made')}{dots}"
-            f'<line class="cn-cursor" y2="{PANEL_H}" style="transform:{shift}"/></g></svg>'
-        )
-    legend = f"Angles in rad over {seconds:.2f} s. Dots: keys, the large one is shown; dotted: limits."
-    return f'<div class="cn-curves">{"".join(panels)}</div><div class="cn-legend">{legend}</div>'
-
-
-def loss_svg(curve: np.ndarray, n_epochs: int) -> str:
-    """Return the loss over the epochs, shape (n, 2), on a scale of powers of ten."""
-    usable = curve[np.isfinite(curve[:, 1]) & (curve[:, 1] > 0)] if len(curve) else curve
-    losses = np.log10(usable[:, 1]) if len(usable) else np.zeros(0)
-    low, high = (np.floor(losses.min()), np.ceil(losses.max())) if len(losses) else (0.0, 3.0)
-    high = max(high, low + 1)
-
-    def y(value: float) -> float:
-        return LOSS_H * (high - value) / (high - low)
-
-    marks = "".join(
-        f'<line class="cn-limit" x2="{LOSS_W}" y1="{y(k):.1f}" y2="{y(k):.1f}"/>'
-        f'<text class="cn-tick" x="-5" y="{y(k) + 4:.1f}" text-anchor="end">{10.0**k:g}</text>'
-        for k in np.arange(low, high + 1)
-    )
-    points = " ".join(
-        f"{LOSS_W * epoch / max(n_epochs, 1):.1f},{y(loss):.1f}"
-        for epoch, loss in zip(usable[:, 0], losses, strict=True)
-    )
-    last = f", now {usable[-1, 1]:.3g}" if len(usable) else ""
-    return (
-        f'<svg class="cn-loss" viewBox="-42 -8 {LOSS_W + 50} {LOSS_H + 34}" xmlns="http://www.w3.org/2000/svg" '
-        f'role="img" aria-label="Loss over {n_epochs} epochs{last}">'
-        f'<rect class="cn-panel" width="{LOSS_W}" height="{LOSS_H}"/>{marks}'
-        f'<polyline class="cn-made" points="{points}"/>'
-        f'<text class="cn-tick" x="0" y="{LOSS_H + 16}">0</text>'
-        f'<text class="cn-tick" x="{LOSS_W}" y="{LOSS_H + 16}" text-anchor="end">{n_epochs:,} epochs</text>'
-        f'<text class="cn-name" x="6" y="14">Loss</text></svg>'
-    )
-
-
-def grown_map(chart: PBMap | None) -> str:
-    """Return the map of what is learned so far, with the letters of the demonstrations, or an empty place for it."""
-    if chart is None:
-        return '<div class="cn-grown" role="img" aria-label="No map yet"></div>'
-    stream = io.BytesIO()
-    Image.fromarray(np.round(255 * map_image(chart)[::-1]).astype(np.uint8)).save(stream, format="PNG")
-    letters = "".join(
-        f'<text x="{100 * (1 + x):.1f}" y="{100 * (1 - y):.1f}" dy="0.35em">{action_letter(place)}</text>'
-        for place, (x, y) in enumerate(chart.learned_pb)
-    )
-    usable = 100 * float(chart.appropriate.mean())
-    picture = b64encode(stream.getvalue()).decode()
-    return (
-        f'<div class="cn-grown" role="img" aria-label="Map of {chart.resolution} by {chart.resolution} points, '
-        f'{usable:.0f} % of it appropriate"><img alt="" src="data:image/png;base64,{picture}">'
-        f'<svg viewBox="0 0 200 200">{letters}</svg></div>'
-    )
+            lines.append(f"{names} are {distances[i, j]:.1f} apart: within {threshold:g} they count as one movement")
+    return lines

@@ -1,167 +1,166 @@
-"""The page of one browser tab: the map or two maps, the robots, the tools, and where they stand."""
+"""The page of one browser tab: the maps, the robots and the tools beside them, and where they stand."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import tempfile
+import weakref
+from pathlib import Path, PurePath
 
 import numpy as np
-from nicegui import ui
+from nicegui import events, run, ui
 
-from creative_nao.explorer import panels
-from creative_nao.explorer.colours import NAMES, is_of_body
+from creative_nao.errors import CreativeNaoError, FileFormatError
+from creative_nao.exchange import FORMATS, Motion, Recording, recognise, write
+from creative_nao.exchange.keys import to_motion
+from creative_nao.explorer.colours import NAMES, is_physical
 from creative_nao.explorer.map_pane import KEYS_HELP
-from creative_nao.explorer.memory_service import as_coordinate
+from creative_nao.explorer.markup import thumbnail
+from creative_nao.explorer.memory_service import (
+    MemoryService,
+    Recall,
+    as_coordinate,
+    less_like,
+    more_like,
+    spoken,
+    surprise,
+)
 from creative_nao.explorer.physics_service import player_controls
 from creative_nao.explorer.registry import NONE
+from creative_nao.explorer.state import MAX_NOTE, Favourite
 from creative_nao.explorer.tab import STEP, Tab
 from creative_nao.explorer.view import ALL
+from creative_nao.joints import JOINTS
 
 STATIC = Path(__file__).with_name("static")
 POLL_S = 0.3
 
 
 def build_page(tab: Tab) -> None:
-    """Lay the page out."""
+    """Lay the page out: of one memory the map left, robot and curves right; of two a column each.
+
+    On a phone all stands one below the other. One player drives all robots.
+    """
     ui.page_title("Memory explorer")
     ui.add_css((STATIC / "page.css").read_text(encoding="utf-8"))
     ui.add_body_html(f"<script>{(STATIC / 'zoom.js').read_text(encoding='utf-8')}</script>")
     tab.dark = ui.dark_mode(None)
     ui.label(" and ".join(f"Memory {panel.loaded.name}" for panel in tab.memory_panels)).classes("text-lg")
-    Toolbar(tab).build()
-    (alone if len(tab.memory_panels) == 1 else twin)(tab)
-    tab.status = tab.memory_panels[0].status
-    if not all(panel.loaded.progressive_map.finished.is_set() for panel in tab.memory_panels):
-        tab.poll = ui.timer(1.0, tab.fine_maps_ready)
-
-
-class Toolbar:
-    """What is common to all maps of a tab."""
-
-    def __init__(self, tab: Tab) -> None:
-        self._tab = tab
-        tab.refresh_toolbar = self.tell
-
-    def build(self) -> None:
-        """Lay the bar out."""
-        tab = self._tab
-        with ui.row().classes("items-center gap-2 w-full cn-toolbar"):
-            names = [NONE, *(name for name in tab.app_state.registry.names if name != tab.memory_panels[0].loaded.name)]
-            second = tab.memory_panels[1].loaded.name if len(tab.memory_panels) > 1 else NONE
-            self.beside = ui.select(names, value=second, label="Beside it", on_change=self._chosen)
-            self.beside.props("dense options-dense").classes("w-28")
-            self.colour = ui.select(
-                self._colours(), value=tab.map_state.colour, label="Colour", on_change=self._recoloured
-            )
-            self.colour.props("dense options-dense").classes("w-44")
-            for text, label, factor in (("+", "Zoom in", STEP), ("\N{MINUS SIGN}", "Zoom out", 1 / STEP)):
-                ui.button(text, on_click=lambda _, by=factor: tab.zoom(by)).props(
-                    f'dense outline no-caps aria-label="{label}"'
-                ).classes("w-9")
-            ui.button("Whole map", on_click=lambda: tab.look_at(None, tab.map_state.colour)).props(
-                "dense no-caps outline"
-            )
-            self.note = ui.label("").props("aria-live=polite").classes("cn-note text-sm")
-            ui.space()
-            taught = tab.app_state.taught
-            ui.link("Teach", f"/teach?taught={taught}" if taught else "/teach").classes("px-2")
-            ui.button("Keys", on_click=lambda: ui.notify(KEYS_HELP)).props("flat no-caps dense")
-            ui.button("Dark / light", on_click=tab.theme).props("flat no-caps dense")
-        self.progress = ui.linear_progress(0, show_value=False, size="3px").classes("cn-progress")
-        self.progress.props('aria-label="Working the map out"')
-        self.progress.set_visibility(False)
-        self._poll = ui.timer(POLL_S, self._look_at_work, active=False)
-
-    def tell(self) -> None:
-        """Say what the maps show."""
-        map_state = self._tab.map_state
-        if map_state.share is not None:
-            self._poll.active = True
-        if map_state.view is None:
-            self.note.text = ""
-            return
-        view = map_state.view
-        digits = view.digits - 1
-        window = " and ".join(
-            f"PB {place} {low:.{digits}f} to {low + view.width:.{digits}f}"
-            for place, low in ((1, view.left), (2, view.bottom))
-        )
-        fine = map_state.fineness
-        cells = "finer cells come" if map_state.share is not None else "cells of the whole map"
-        if fine is not None:
-            cells = f"{fine} x {fine} finer cells"
-        self.note.text = f"{ALL / view.width:.3g} times nearer: {window}; {cells}"
-
-    def _look_at_work(self) -> None:
-        share = self._tab.map_state.share
-        self.progress.set_visibility(share is not None)
-        self.progress.value = round(share or 0.0, 2)
-        if share is None:
-            self._poll.active = False
-
-    def _chosen(self) -> None:
-        self._tab.go_beside(str(self.beside.value))
-
-    def _colours(self) -> dict[str, str]:
-        embodied = any(panel.loaded.physical is not None for panel in self._tab.memory_panels)
-        return {name: text for name, text in NAMES.items() if embodied or not is_of_body(name)}
-
-    async def _recoloured(self) -> None:
-        await self._tab.look_at(self._tab.map_state.view, str(self.colour.value))
-
-
-def alone(tab: Tab) -> None:
-    """Lay one memory out: map left, robot and curves right, on a phone one below the other."""
-    (panel,) = tab.memory_panels
-    with ui.element("div").classes("cn-page"):
-        with _area("map"):
-            panel.map.build(tab)
-        with _area("robot"):
-            panel.build_robot(tab.app_state.physics_service)
-            _player(tab)
-            panel.build_told()
-            panels.favourites(tab)
-        with _area("tools"):
-            _tools(tab)
-
-
-def twin(tab: Tab) -> None:
-    """Lay two memories out in two columns, on a phone one below the other; one player drives both robots."""
-    with ui.element("div").classes("cn-page cn-twin"):
+    toolbar(tab)
+    twin = len(tab.memory_panels) > 1
+    with ui.element("div").classes("cn-page cn-twin" if twin else "cn-page"):
         for number, panel in enumerate(tab.memory_panels, start=1):
             with _area("map", number):
-                ui.label(f"Memory {panel.loaded.name}").classes("cn-name-of-side")
-                panel.map.build(tab)
+                if twin:
+                    ui.label(f"Memory {panel.loaded.name}").classes("cn-name-of-side")
+                tab.build_map(panel.map)
         for number, panel in enumerate(tab.memory_panels, start=1):
             with _area("robot", number):
                 panel.build_robot(tab.app_state.physics_service)
-        with _area("player"):
-            _player(tab)
-        for number, panel in enumerate(tab.memory_panels, start=1):
-            with _area("told", number):
-                ui.label(f"Memory {panel.loaded.name}").classes("cn-name-of-side")
-                panel.build_told()
+                if not twin:
+                    player(tab)
+                    panel.build_description()
+                    favourites(tab)
+        if twin:
+            with _area("player"):
+                player(tab)
+            for number, panel in enumerate(tab.memory_panels, start=1):
+                with _area("told", number):
+                    ui.label(f"Memory {panel.loaded.name}").classes("cn-name-of-side")
+                    panel.build_description()
         with _area("tools"):
-            _tools(tab)
-        with _area("keep"):
-            panels.favourites(tab)
+            movement_tools(tab)
+            exchange(tab)
+        if twin:
+            with _area("keep"):
+                favourites(tab)
+    if not all(panel.loaded.finished.is_set() for panel in tab.memory_panels):
+        tab.poll = ui.timer(1.0, tab.fine_maps_ready)
 
 
 def _area(name: str, number: int = 1) -> ui.element:
     return ui.element("div").classes(f"cn-at-{name}{number if number > 1 else ''}")
 
 
-def _player(tab: Tab) -> None:
+def toolbar(tab: Tab) -> None:
+    """Lay out what is common to all maps of a tab."""
+    state = tab.map_state
+
+    def refresh() -> None:
+        working = state.share is not None
+        poll.active = poll.active or working
+        note.text = ""
+        if (view := state.view) is not None:
+            digits = view.digits - 1
+            window = " and ".join(
+                f"PB {place} {low:.{digits}f} to {low + view.width:.{digits}f}"
+                for place, low in ((1, view.left), (2, view.bottom))
+            )
+            cells = "finer cells come" if working else "cells of the whole map"
+            if (n := state.fineness) is not None:
+                cells = f"{n} x {n} finer cells"
+            note.text = f"{ALL / view.width:.3g} times nearer: {window}; {cells}"
+
+    def show_progress() -> None:
+        share = state.share
+        progress.set_visibility(share is not None)
+        progress.value = round(share or 0.0, 2)
+        poll.active = share is not None
+
+    with ui.row().classes("items-center gap-2 w-full cn-toolbar"):
+        first, *others = (panel.loaded for panel in tab.memory_panels)
+        names = [NONE, *(name for name in tab.app_state.registry.names if name != first.name)]
+        beside = ui.select(
+            names, value=others[0].name if others else NONE, label="Beside it",
+            on_change=lambda: tab.go_beside(str(beside.value)),
+        ).props("dense options-dense").classes("w-28")  # fmt: skip
+        physical = first.physical is not None or any(other.physical is not None for other in others)
+        colour = ui.select(
+            {name: text for name, text in NAMES.items() if physical or not is_physical(name)},
+            value=state.colour, label="Colour", on_change=lambda: tab.look_at(state.view, str(colour.value)),
+        ).props("dense options-dense").classes("w-44")  # fmt: skip
+        for text, label, factor in (("+", "Zoom in", STEP), ("\N{MINUS SIGN}", "Zoom out", 1 / STEP)):
+            button = ui.button(text, on_click=lambda _, by=factor: tab.zoom(by)).classes("w-9")
+            button.props(f'dense outline no-caps aria-label="{label}"')
+        ui.button("Whole map", on_click=lambda: tab.look_at(None, state.colour)).props("dense no-caps outline")
+        note = ui.label("").props("aria-live=polite").classes("cn-note text-sm")
+        ui.space()
+        taught = tab.app_state.taught
+        ui.link("Teach", f"/teach?taught={taught}" if taught else "/teach").classes("px-2")
+        ui.button("Keys", on_click=lambda: ui.notify(KEYS_HELP)).props("flat no-caps dense")
+        ui.button("Dark / light", on_click=tab.theme).props("flat no-caps dense")
+    progress = ui.linear_progress(0, show_value=False, size="3px").classes("cn-progress")
+    progress.props('aria-label="Working the map out"')
+    progress.set_visibility(False)
+    poll = ui.timer(POLL_S, show_progress, active=False)
+    tab.refresh_toolbar = refresh
+
+
+def player(tab: Tab) -> None:
+    """Lay out the player with the switches of physics and ghosts."""
     with ui.row().classes("w-full items-center gap-2"):
         player_controls()
         tab.physics = ui.switch("Physics", on_change=lambda: tab.show(tab.points, keep=False))
         ui.switch("Ghost of the nearest", value=True, on_change=tab.show_ghosts)
 
 
-def _tools(tab: Tab) -> None:
-    """Lay out the tools: point or path, numbers, discovering, exchanging."""
+def movement_tools(tab: Tab) -> None:
+    """Lay out point or path, the PB point as numbers, and the buttons that find movements."""
 
     async def go() -> None:
         await tab.show(np.array([[as_coordinate(tab.pb_1.value), as_coordinate(tab.pb_2.value)]]))
+
+    async def show_surprise() -> None:
+        await tab.show(surprise(tab.pb_map, tab.rng)[None])
+
+    async def more() -> None:
+        kept = [favourite.points[-1] for favourite in tab.favourites()[-3:]]
+        await tab.show(more_like(tab.pb_map, np.array([tuple(tab.points[-1]), *kept]), tab.rng)[None])
+
+    async def less() -> None:
+        await tab.show(less_like(tab.pb_map, tab.points[-1:], tab.rng)[None])
+
+    async def walk() -> None:
+        await tab.show(tab.service.memory.pb[[int(start.value or 0), int(end.value or 0)]])
 
     with ui.row().classes("items-center gap-2"):
         tab.mode = ui.toggle(["point", "path"], value="point").props("no-caps dense aria-label='click or draw'")
@@ -170,5 +169,160 @@ def _tools(tab: Tab) -> None:
             for name in ("PB 1", "PB 2")
         )
         ui.button("Go", on_click=go).props("dense no-caps")
-    panels.discovery(tab)
-    panels.exchange(tab)
+    with ui.row().classes("items-center gap-2"):
+        for text, action in (
+            ("Surprise me", show_surprise), ("More like this", more), ("Less like this", less), ("Back", tab.back),
+        ):  # fmt: skip
+            ui.button(text, on_click=action).props("dense no-caps outline")
+    names = {place: spoken(name) for place, name in enumerate(tab.service.names)}
+    with ui.row().classes("items-center gap-2"):
+        start = ui.select(names, value=0, label="A path from").props("dense options-dense").classes("w-32")
+        end = ui.select(names, value=len(names) - 1, label="to").props("dense options-dense").classes("w-32")
+        ui.button("Walk", on_click=walk).props("dense no-caps outline")
+
+
+MAX_UPLOAD_BYTES = 2_000_000
+MAX_TICKS = 2000
+
+
+def read_upload(name: str, content: bytes, dt_s: float) -> Recording:
+    """Read an uploaded movement at a tick [s]; of its name only a known ending counts, and no file is made.
+
+    Raises:
+        FileFormatError: If it is too large or too long, or holds no movement.
+        SettingsError: If its format is not recognised.
+    """
+    if len(content) > MAX_UPLOAD_BYTES:
+        raise FileFormatError(f"a recording may have {MAX_UPLOAD_BYTES} bytes, this one has {len(content)}")
+    ending = PurePath(name).suffix.lower()
+    known = any(ending in exchange_format.endings for exchange_format in FORMATS.values())
+    source = Path(f"recording{ending if known else '.csv'}")
+    format_name = recognise(source, content)
+    motion, notes = to_motion(FORMATS[format_name].read(source, content), source, dt_s, JOINTS)
+    if not 2 <= len(motion.angles) <= MAX_TICKS:
+        raise FileFormatError(
+            f"a recording should have 2 to {MAX_TICKS} ticks of {dt_s} s, but has {len(motion.angles)}"
+        )
+    return Recording(motion, format_name, notes)
+
+
+def export(recall: Recall, service: MemoryService, format_name: str) -> tuple[str, bytes, tuple[str, ...]]:
+    """Return file name, content and changes of a movement in one of the exchange formats.
+
+    A movement too fast or too wide is clipped and slowed down for formats that a robot plays, and kept otherwise.
+    """
+    chosen = FORMATS[format_name]
+    metadata = {"memory": service.memory.name, "pb": recall.points.tolist()}
+    motion = Motion(recall.trajectory, service.memory.dt_s, JOINTS, metadata if chosen.holds_metadata else {})
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"movement{chosen.endings[0]}"
+        written = write(path, motion, format_name, unsafe="clip" if chosen.for_robots else "keep")
+        return path.name, path.read_bytes(), written.changes
+
+
+def exchange(tab: Tab) -> None:
+    """Lay out export and import."""
+
+    async def download(format_name: str) -> None:
+        if tab.recall is None:
+            return
+        try:
+            exported = await run.io_bound(export, tab.recall, tab.service, format_name)
+        except CreativeNaoError as error:
+            ui.notify(str(error), type="negative")
+            return
+        if exported is not None:
+            name, content, changes = exported
+            for change in changes:
+                ui.notify(change)
+            ui.download.content(content, name)
+
+    weakly = weakref.ref(tab)  # the web framework keeps handlers of uploads in a cache that outlives the page
+
+    async def receive(event: events.UploadEventArguments) -> None:
+        if (here := weakly()) is None:
+            return
+        try:
+            content = await event.file.read()
+            await _recognise(here, event.file.name, content)
+        except CreativeNaoError as error:
+            here.memory_panels[0].status.text = f"Not a movement: {error}"
+        finally:
+            upload.reset()
+
+    with ui.row().classes("items-center gap-2 w-full"):
+        with ui.dropdown_button("Export", auto_close=True).props("dense no-caps outline"):
+            for name, exchange_format in FORMATS.items():
+                ui.item(f"{name}: {exchange_format.purpose}", on_click=lambda _, name=name: download(name))
+        upload = ui.upload(
+            label="Drop a recording (CSV, ...)", auto_upload=True, on_upload=receive,
+            max_file_size=MAX_UPLOAD_BYTES, max_files=1,
+        )  # fmt: skip
+        upload.on("rejected", lambda: ui.notify(f"A recording may have {MAX_UPLOAD_BYTES} bytes."))
+        upload.props('flat bordered aria-label="Drop a recorded movement"').classes("w-60 cn-upload")
+
+
+async def _recognise(tab: Tab, name: str, content: bytes) -> None:
+    recording = await run.io_bound(read_upload, name, content, tab.service.memory.dt_s)
+    if recording is None:
+        return
+    status = tab.memory_panels[0].status
+    status.text = "Recognising the recording ..."
+    recognised = await run.io_bound(tab.service.recognise, recording.motion.angles)
+    if recognised is None:
+        return
+    point, distance, recall = recognised
+    tab.marks["R"] = float(point[0]), float(point[1])
+    tab.points = point[None]
+    tab.redraw()
+    await tab.present(recall)
+    status.text = f"Recording, recognised at R with DTW {distance:.2f} rad left. {status.text}"
+
+
+def favourites(tab: Tab) -> None:
+    """Lay out the favourites; a removed one can be kept again at once."""
+    session, removed = tab.app_state.session, list[Favourite]()
+
+    def remove(favourite: Favourite) -> None:
+        if tab.change_favourites(session.remove, favourite):
+            undo.set_visibility(True)
+            removed.append(favourite)
+
+    def restore() -> None:
+        if removed and tab.change_favourites(session.add, removed[-1]):
+            removed.pop()
+        undo.set_visibility(bool(removed))
+
+    def add() -> None:
+        tab.keep_favourite(note.value or "")
+        note.value = ""
+
+    async def recall(favourite: Favourite) -> None:
+        await tab.show(np.array(favourite.points))
+        if favourite.beside in tab.app_state.registry.names and favourite.beside != tab.beside:
+            tab.go_beside(favourite.beside)
+
+    def card(favourite: Favourite) -> None:
+        movement = tab.service.recall(np.array(favourite.points))
+        with ui.card().classes("p-1 gap-0 items-center"):
+            picture = ui.image(thumbnail(movement)).classes("w-24 h-14 cursor-pointer")
+            picture.props('tabindex=0 role=button aria-label="Recall a favourite"')
+            for event in ("click", "keydown.enter"):
+                picture.on(event, lambda _: recall(favourite))
+            ui.label(favourite.note or " ").classes("text-xs max-w-24 truncate")
+            ui.button("Remove", on_click=lambda: remove(favourite)).props("flat dense no-caps size=sm")
+
+    def refresh() -> None:
+        cards.clear()
+        with cards:
+            for favourite in tab.favourites()[-24:]:
+                card(favourite)
+
+    with ui.row().classes("items-center gap-2"):
+        note = ui.input("Note").props(f"dense maxlength={MAX_NOTE}")
+        ui.button("Keep as favourite", on_click=add).props("dense no-caps outline")
+        undo = ui.button("Undo removal", on_click=restore).props("dense no-caps flat")
+        undo.set_visibility(False)
+    cards = ui.row().classes("gap-2")  # no `ui.refreshable`: it would hold the last tab for ever
+    tab.refresh_favourites = refresh
+    refresh()

@@ -34,19 +34,20 @@ class BrowserRobot:
 
     Attributes:
         scene: The scene it was read from.
-        tree: Bodies, parents first: name, parent, pose in the parent at zero arm angles, shapes; JSON values.
-        hinges: For each of `joints.JOINTS`, the body that it turns and its axis in that body.
+        description: All that the browser needs to build it, JSON values: `bodies`, parents first, with name, parent,
+            pose in the parent at zero arm angles and shapes; and `hinges`: for each of `joints.JOINTS`, the body that
+            it turns and its axis in that body.
     """
 
-    def __init__(self, scene: Scene | None = None) -> None:
-        self.scene = Scene() if scene is None else scene
+    def __init__(self) -> None:
+        self.scene = Scene()
         model = self.scene.model
         data = mujoco.MjData(model)
         data.qpos[:] = self.scene.guard_qpos()
         data.qpos[self.scene.index.arm_qpos] = 0.0
         mujoco.mj_kinematics(model, data)
         places, turns = _in_parent(model, data)
-        self.tree: list[dict[str, Any]] = [
+        bodies = [
             {
                 "name": _name(model, body),
                 "parent": _name(model, int(model.body_parentid[body])),
@@ -56,15 +57,13 @@ class BrowserRobot:
             }
             for body in range(model.nbody)
         ]
-        self.hinges: list[dict[str, Any]] = []
+        hinges = []
         for joint in JOINTS:
             number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"nao/{joint}")
-            axis = _rounded(model.jnt_axis[number])
-            self.hinges.append({"body": _name(model, int(model.jnt_bodyid[number])), "axis": axis})
-
-    def description(self) -> dict[str, Any]:
-        """Return all that the browser needs to build the robot."""
-        return {"bodies": self.tree, "hinges": self.hinges}
+            hinges.append(
+                {"body": _name(model, int(model.jnt_bodyid[number])), "axis": _rounded(model.jnt_axis[number])}
+            )
+        self.description: dict[str, Any] = {"bodies": bodies, "hinges": hinges}
 
     def clip(self, performance: Performance) -> dict[str, Any]:
         """Return a physical performance with frames as poses in the parents of every body that moves.
@@ -97,7 +96,7 @@ class BrowserRobot:
 
 
 def angles_message(trajectory: np.ndarray, dt_s: float) -> dict[str, Any]:
-    """Return an imagined movement as the browser takes it: the tick [s] and the angles, tick by tick [rad]."""
+    """Return a movement without physics as the browser takes it: the tick [s] and the angles, tick by tick [rad]."""
     return {"dt": dt_s, "angles": np.round(trajectory, 5).tolist()}
 
 
@@ -151,15 +150,7 @@ class PhysicsService:
         self._performer: Performer | None = None
 
     def perform(self, trajectory: np.ndarray, dt_s: float) -> tuple[dict[str, Any], str]:
-        """Let the robot perform a trajectory in physics.
-
-        Args:
-            trajectory: Joint angles [rad], shape (n_steps, 8).
-            dt_s: Time between rows [s].
-
-        Returns:
-            The clip for the browser, and what the body made of it in words.
-        """
+        """Perform joint angles [rad], shape (n_steps, 8), at a tick [s]; return a clip and the result in words."""
         with self._lock:
             if self._performer is None:
                 self._performer = Performer(self.robot.scene)
@@ -167,11 +158,9 @@ class PhysicsService:
             clip = self.robot.clip(performance)
         failure = first_failure(performance)
         hits = performance.hits
-        felt = (
-            f"{hits.count} hits of the bag, hardest {hits.peak_force_n:.0f} N" if hits.count else "the bag is not hit"
-        )
+        hit = f"{hits.count} hits of the bag, hardest {hits.peak_force_n:.0f} N" if hits.count else "the bag is not hit"
         verdict = f"the body refuses: {failure.replace('_', ' ')}" if failure else "the body can do it"
-        return clip, f"{verdict}; {felt}; mean error {performance.mean_error_rad.max():.3f} rad"
+        return clip, f"{verdict}; {hit}; mean error {performance.mean_error_rad.max():.3f} rad"
 
 
 STATIC = Path(__file__).with_name("static")
@@ -188,7 +177,7 @@ class RobotView(Object3D, component=STATIC / "robot.js"):
         self.run_method("perform", movement, ghost)
 
 
-def robot_scene(body: BrowserRobot, replay: Callable[[], object], label: str) -> RobotView:
+def robot_scene(robot: BrowserRobot, replay: Callable[[], object], label: str) -> RobotView:
     """Lay out a scene with the robot; `replay` is called when it is ready, and again when the browser lost it."""
     with ui.element("div").classes("cn-scene"):
         ui.label("The robot needs WebGL. Without it, the sentence and the curves below still tell all.").classes(
@@ -198,10 +187,10 @@ def robot_scene(body: BrowserRobot, replay: Callable[[], object], label: str) ->
         scene = ui.scene(grid=False, fps=240, background_color="#c9d3de", camera=camera).classes("w-full h-full")
         scene.props("role=img aria-label='" + label.replace("'", " ") + "'")
         with scene:
-            robot = RobotView(body.description())
+            shown = RobotView(robot.description)
         scene.move_camera(x=0.62, y=-0.6, z=0.52, look_at_x=0.08, look_at_y=0, look_at_z=0.33, duration=0)
         scene.on("init", replay)
-    return robot
+    return shown
 
 
 def player_controls() -> None:

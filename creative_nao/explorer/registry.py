@@ -1,4 +1,4 @@
-"""The memories that the page can show, each with its map, its measures and its physical map."""
+"""The memories that the page can show, and what is computed of each in threads: maps, measures, finer cells."""
 
 from __future__ import annotations
 
@@ -6,30 +6,23 @@ import dataclasses
 import hashlib
 import os
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from creative_nao import __version__
+from creative_nao import __version__, maps
 from creative_nao.envs.physical_map import PhysicalMap, fingerprint
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
-from creative_nao.explorer.colours import Measurements
+from creative_nao.explorer.colours import is_number, is_physical, needs_movements
 from creative_nao.explorer.memory_service import MemoryService
-from creative_nao.maps import PAPER_RESOLUTION, PBMap, pb_map
+from creative_nao.explorer.view import View
+from creative_nao.maps import PAPER_RESOLUTION, PBMap, colour_values
+from creative_nao.measures import OUTCOMES, score, unexpectedness
 from creative_nao.model import Memory, load_memory, shipped_memories
 
 CACHE_VARIABLE = "CREATIVE_NAO_CACHE"
 """Environment variable that names another cache folder."""
-
-
-def cache_folder() -> Path:
-    """Return the folder of everything that can be computed again."""
-    chosen = os.environ.get(CACHE_VARIABLE)
-    if chosen:
-        return Path(chosen)
-    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".cache"
-    return Path(base) / "creative_nao"
 
 
 def content_hash(memory: Memory) -> str:
@@ -47,15 +40,16 @@ def content_hash(memory: Memory) -> str:
 
 def cache_path(memory: Memory, resolution: int = PAPER_RESOLUTION) -> Path:
     """Return where the map of a memory is kept; another release of the package may score otherwise and has its own."""
-    return cache_folder() / "maps" / f"{content_hash(memory)}-{resolution}-{__version__}.npz"
+    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".cache"
+    folder = Path(os.environ.get(CACHE_VARIABLE) or Path(base) / "creative_nao") / "maps"
+    return folder / f"{content_hash(memory)}-{resolution}-{__version__}.safetensors"
 
 
 def kept_map(memory: Memory, resolution: int = PAPER_RESOLUTION) -> PBMap | None:
     """Return the map if it was computed before; a torn file counts as none."""
-    path = cache_path(memory, resolution)
     try:
-        return PBMap.load(path) if path.is_file() else None
-    except FileFormatError:
+        return PBMap.load(cache_path(memory, resolution))
+    except (FileFormatError, NotFoundError):
         return None
 
 
@@ -67,53 +61,114 @@ def cached_map(memory: Memory, resolution: int = PAPER_RESOLUTION) -> PBMap:
     Raises:
         SettingsError: If the memory does not have two PB units or `resolution` is below 2.
     """
-    known = kept_map(memory, resolution)
-    if known is not None:
-        return known
-    chart = pb_map(memory, resolution)
-    try:
-        chart.save(cache_path(memory, resolution))
-    except OSError:
-        return chart
-    return chart
+    pb_map = kept_map(memory, resolution)
+    if pb_map is None:
+        pb_map = maps.pb_map(memory, resolution)
+        try:
+            pb_map.save(cache_path(memory, resolution))
+        except OSError:
+            return pb_map
+    return pb_map
 
 
-COARSE = 40
+class Computation:
+    """A computation in a thread that can be watched and cancelled.
+
+    Attributes:
+        share: How much of it is done, 0 to 1.
+        cancelled: Lets it end at its next step; its result is then None.
+    """
+
+    def __init__(self) -> None:
+        self.share = 0.0
+        self.cancelled = False
+
+    def rows(self, n: int, end: float) -> Iterator[slice]:
+        """Give the rows of n things block by block until all are done or it is cancelled; `end` is the share then."""
+        for start in range(0, n, BLOCK):
+            if self.cancelled:
+                return
+            yield slice(start, min(start + BLOCK, n))
+            self.share = end * min(start + BLOCK, n) / n
 
 
-class ProgressiveMap:
-    """The best map of a memory so far.
+BLOCK = 512
+"""Movements generated at a time: few enough that a click in between is answered at once."""
+
+
+def measured(memory: Memory, pb_map: PBMap, colour: str, whole: PBMap, work: Computation) -> np.ndarray | None:
+    """Return the number of each cell, shape (n,), as `maps.colour_values` defines it; None if cancelled.
+
+    Args:
+        memory: Generates the movements again where the map does not hold them.
+        pb_map: The cells.
+        colour: A name of `maps.COLOURINGS`.
+        whole: The map of the whole PB space: what an unexpected movement is compared with.
+        work: To watch and cancel it.
+    """
+    if colour == "unexpectedness":
+        usable = whole.distance[whole.appropriate]
+        return unexpectedness(pb_map.distance, usable if len(usable) else whole.distance)
+    if needs_movements(colour) and pb_map.trajectories is None:
+        generated = np.empty((len(pb_map.pb), memory.n_steps, len(memory.joints)))
+        for rows in work.rows(len(generated), end=0.5):  # what is left is comparing them
+            generated[rows] = memory.generate(pb_map.pb[rows])
+        pb_map = dataclasses.replace(pb_map, trajectories=generated, dt_s=memory.dt_s)
+    if work.cancelled:
+        return None
+    values = colour_values(pb_map, colour)[0]
+    work.share = 1.0
+    return values
+
+
+LEVELS = (50, 200)
+"""Cells along each side of the window, one after the other: the first is there at once, the last as fine as the map."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FinerMap:
+    """The scored cells of a window, without movements, and their numbers by colouring."""
+
+    view: View
+    pb_map: PBMap
+    values: dict[str, np.ndarray]
+
+
+def finer_map(memory: Memory, whole: PBMap, view: View, n: int, colour: str, work: Computation) -> FinerMap | None:
+    """Generate and score `n` x `n` cells of a window; None if cancelled.
 
     Args:
         memory: The memory.
-        resolution: Points along each axis of the fine map.
-
-    Attributes:
-        chart: The map to show now.
-        finished: Set when it is the fine one.
+        whole: Its map of the whole PB space.
+        view: The window, within [-1, 1].
+        n: Cells along each side.
+        colour: What the colours tell: its number is worked out from the same movements.
+        work: To watch and cancel it.
     """
-
-    def __init__(self, memory: Memory, resolution: int = PAPER_RESOLUTION) -> None:
-        self._memory, self._resolution = memory, resolution
-        self.finished = threading.Event()
-        known = kept_map(memory, resolution)
-        self.chart: PBMap = _lean(pb_map(memory, min(COARSE, resolution))) if known is None else known
-        if known is not None:
-            self.finished.set()
-
-    def start(self) -> None:
-        """Compute the fine map in a thread, unless it is there."""
-        if not self.finished.is_set():
-            threading.Thread(target=self._compute, name="fine map", daemon=True).start()
-
-    def _compute(self) -> None:
-        self.chart = _lean(cached_map(self._memory, self._resolution))
-        self.finished.set()
-
-
-def _lean(chart: PBMap) -> PBMap:
-    """Return a map without its movements: 128 MB of a fine one, and the memory makes them again when needed."""
-    return dataclasses.replace(chart, trajectories=None, dt_s=None)
+    pb = view.grid(n)
+    kept = np.empty((n * n, memory.n_steps, len(memory.joints))) if needs_movements(colour) else None
+    outcome = np.empty(n * n, dtype=f"<U{max(map(len, OUTCOMES))}")
+    nearest, distance = np.empty(n * n, dtype=np.int64), np.empty(n * n)
+    for rows in work.rows(n * n, end=0.8):
+        generated = memory.generate(pb[rows])
+        scores = score(generated, memory.demonstrations)
+        outcome[rows], nearest[rows], distance[rows] = scores.outcome, scores.nearest, scores.novelty
+        if kept is not None:
+            kept[rows] = generated
+    if work.cancelled:
+        return None
+    settings = {"memory": memory.name, "resolution": n, "view": [view.left, view.bottom, view.width]}
+    cells = PBMap(
+        n, pb, outcome, nearest, distance, whole.learned_pb, whole.names, {"settings": settings}, kept, memory.dt_s
+    )
+    values = {}
+    if is_number(colour) and not is_physical(colour):
+        number = measured(memory, cells, colour, whole, work)
+        if number is None:
+            return None
+        values[colour] = number
+    work.share = 1.0
+    return FinerMap(view, dataclasses.replace(cells, trajectories=None), values)
 
 
 def physical_map_of(memory: Memory, files: Iterable[Path]) -> PhysicalMap | None:
@@ -124,12 +179,8 @@ def physical_map_of(memory: Memory, files: Iterable[Path]) -> PhysicalMap | None
         FileFormatError: If it is torn, foreign or unfinished.
     """
     own = fingerprint(memory)
-    found = None
-    for path in files:
-        chart = PhysicalMap.load(path)
-        if _settings(chart).get("sha256") == own:
-            found = chart
-    return found
+    every = [PhysicalMap.load(path) for path in files]
+    return next((found for found in reversed(every) if _settings(found).get("sha256") == own), None)
 
 
 def check_physical(files: Iterable[Path], memories: Iterable[Memory]) -> None:
@@ -152,35 +203,69 @@ def check_physical(files: Iterable[Path], memories: Iterable[Memory]) -> None:
             )
 
 
-def _settings(chart: PhysicalMap) -> dict[str, object]:
-    found = chart.record.get("settings")
-    return found if isinstance(found, dict) else {}
+def _settings(pb_map: PhysicalMap) -> dict[str, object]:
+    return pb_map.record.get("settings", {})
+
+
+COARSE = 40
 
 
 class LoadedMemory:
-    """One memory, shared by all tabs that show it.
+    """One memory with what was computed of it, shared by all tabs that show it.
 
     Args:
         memory: The memory.
-        resolution: Points along each axis of its map.
+        resolution: Points along each axis of its fine map.
         physical: What the robot's body makes of it, if that was worked out.
 
     Attributes:
         name: What the page calls it: a shipped name, or the path it was given by.
         key: Its content hash.
         service: Asked for movements.
-        progressive_map: Its map of the whole PB space.
-        measurements: The numbers of the map in its colourings.
+        pb_map: The best map of its whole PB space so far.
+        finished: Set when that is the fine one.
         physical: Its physical map, or None.
     """
 
     def __init__(self, memory: Memory, resolution: int = PAPER_RESOLUTION, physical: PhysicalMap | None = None) -> None:
-        self.name = memory.name
-        self.key = content_hash(memory)
+        self.name, self.key, self.physical = memory.name, content_hash(memory), physical
         self.service = MemoryService(memory)
-        self.progressive_map = ProgressiveMap(memory, resolution)
-        self.measurements = Measurements(memory)
-        self.physical = physical
+        self.finished = threading.Event()
+        self._resolution = resolution
+        self._numbers: dict[tuple[str, int], np.ndarray] = {}
+        self._lock = threading.Lock()
+        kept = kept_map(memory, resolution)
+        self.pb_map = _without_movements(maps.pb_map(memory, min(COARSE, resolution))) if kept is None else kept
+        if kept is not None:
+            self.finished.set()
+
+    def start(self) -> None:
+        """Compute the fine map in a thread, unless it is there."""
+        if not self.finished.is_set():
+            threading.Thread(target=self._compute, name="fine map", daemon=True).start()
+
+    def _compute(self) -> None:
+        self.pb_map = _without_movements(cached_map(self.service.memory, self._resolution))
+        self.finished.set()
+
+    def known(self, pb_map: PBMap, colour: str) -> np.ndarray | None:
+        """Return the numbers of a map of the whole PB space, shape (n,), if they were worked out before."""
+        return self._numbers.get((colour, pb_map.resolution))
+
+    def numbers(self, pb_map: PBMap, colour: str, work: Computation) -> np.ndarray | None:
+        """Return these numbers, worked out once for all tabs; None if cancelled."""
+        with self._lock:
+            values = self.known(pb_map, colour)
+            if values is None and not work.cancelled:
+                values = measured(self.service.memory, pb_map, colour, pb_map, work)
+                if values is not None:
+                    self._numbers[colour, pb_map.resolution] = values
+            return values
+
+
+def _without_movements(pb_map: PBMap) -> PBMap:
+    """Return a map without its movements: 128 MB of a fine one, and the memory makes them again when needed."""
+    return dataclasses.replace(pb_map, trajectories=None, dt_s=None)
 
 
 NONE = "none"
@@ -223,13 +308,13 @@ class MemoryRegistry:
         with self._lock:
             if name not in self._loaded:
                 self._loaded[name] = self._load(load_memory(name))
-                self._loaded[name].progressive_map.start()
+                self._loaded[name].start()
             return self._loaded[name]
 
     def start(self) -> None:
         """Compute the fine maps of the memories that the page was started with."""
         for loaded in self._loaded.values():
-            loaded.progressive_map.start()
+            loaded.start()
 
     def _load(self, memory: Memory) -> LoadedMemory:
         return LoadedMemory(memory, self._resolution, physical_map_of(memory, self._physical))

@@ -7,7 +7,7 @@ import contextlib
 import socket
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from contextlib import AsyncExitStack
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import urlsplit
 
 from nicegui import app, run, ui
@@ -24,12 +24,11 @@ AT_ONCE = 2
 
 
 class ConcurrencyLimit:
-    """ASGI middleware that lets few requests for pages in at a time, in the order in which they came.
+    """ASGI middleware that limits concurrent page builds, in the order in which the requests came.
 
     Building a page takes 0.1 s in which nothing else is answered. Pages let in together finish together, the first as
-    late as the last, and their age is counted from when they were let in: of fifty on a busy machine, all came when
-    they had outlived the minute that a page is kept for its socket. A page's turn ends when its answer begins, so a
-    reader who takes the answer slowly keeps nobody waiting.
+    late as the last, and may outlive the minute that a page is kept for its socket. A page's turn ends when its answer
+    begins, so a reader who takes the answer slowly keeps nobody waiting.
 
     Args:
         app: The application behind.
@@ -61,18 +60,17 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
 
 
-def is_welcome(headers: Iterable[tuple[bytes, bytes]], hosts: tuple[str, ...] = LOCAL_HOSTS) -> bool:
+def is_welcome(headers: Iterable[tuple[bytes, bytes]]) -> bool:
     """Tell whether a request names one of our hosts and comes from a page of ours, or from no page at all.
 
     A foreign Host is a name that somebody pointed at this machine (DNS rebinding); a foreign Origin is another site's
     page opening a socket here.
     """
-    found = {key.decode("latin-1").lower(): value.decode("latin-1") for key, value in headers}
-    host, origin = found.get("host", ""), found.get("origin")
+    values = {key.decode("latin-1").lower(): value.decode("latin-1") for key, value in headers}
+    host, origin = values.get("host", ""), values.get("origin")
     try:
-        if urlsplit(f"//{host}").hostname not in hosts:
-            return False
-        return origin is None or urlsplit(origin).netloc == host
+        local = urlsplit(f"//{host}").hostname in LOCAL_HOSTS
+        return local and (origin is None or urlsplit(origin).netloc == host)
     except ValueError:
         return False
 
@@ -80,12 +78,12 @@ def is_welcome(headers: Iterable[tuple[bytes, bytes]], hosts: tuple[str, ...] = 
 class LocalOnly:
     """ASGI middleware: 403 for what `is_welcome` refuses, for pages and sockets alike."""
 
-    def __init__(self, app: Any, hosts: tuple[str, ...] = LOCAL_HOSTS) -> None:
-        self._app, self._hosts = app, hosts
+    def __init__(self, app: Any) -> None:
+        self._app = app
 
     async def __call__(self, scope: Scope, receive: Any, send: Send) -> None:
         """Answer, or hand on."""
-        if scope["type"] not in ("http", "websocket") or is_welcome(scope["headers"], self._hosts):
+        if scope["type"] not in ("http", "websocket") or is_welcome(scope["headers"]):
             await self._app(scope, receive, send)
         elif scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008})
@@ -98,42 +96,33 @@ MAX_TABS = 200
 """More are refused: each holds a page's worth of state."""
 
 
-class Closable(Protocol):
-    """What belongs to one tab."""
-
-    def close(self) -> None:
-        """Stop what runs for the tab and let go of what it holds."""
-        ...
-
-
 class Tabs:
     """The open tabs of one server."""
 
     def __init__(self) -> None:
-        self._kept: dict[str, Closable] = {}
+        self._tabs: dict[str, Tab | TeachTab] = {}
 
     def __len__(self) -> int:
-        return len(self._kept)
+        return len(self._tabs)
 
-    def admits(self, kept: Closable, *ends: Callable[[], object]) -> bool:
-        """Keep what belongs to the tab being built until it goes, then call `ends`; too many are told so instead."""
-        if len(self._kept) >= MAX_TABS:
+    def admits(self, tab: Tab | TeachTab, *ends: Callable[[], object]) -> bool:
+        """Keep the tab being built until it goes, then close it and call `ends`; too many are refused in a line."""
+        if len(self._tabs) >= MAX_TABS:
             for end in ends:
                 end()
             ui.label(f"{MAX_TABS} tabs are open. Close some, wait a minute and reload this page.")
             return False
         client = ui.context.client
         key = client.id
-        self._kept[key] = kept
+        self._tabs[key] = tab
         client.on_delete(lambda: self._release(key))
         for end in ends:
             client.on_delete(end)
         return True
 
     def _release(self, key: str) -> None:
-        kept = self._kept.pop(key, None)
-        if kept is not None:
-            kept.close()
+        if (tab := self._tabs.pop(key, None)) is not None:
+            tab.close()
 
 
 RECONNECT_S = 30.0
@@ -153,8 +142,8 @@ def mount(started: AppState) -> Tabs:
     async def page(
         x: str = "0", y: str = "0", path: str = "", beside: str = "", view: str = "", colour: str = "", taught: str = ""
     ) -> None:
-        session = sessions.hold(taught)
-        app_state = started if session is None or session.app_state is None else session.app_state
+        trainer = sessions.hold(taught)
+        app_state = started if trainer is None or trainer.app_state is None else trainer.app_state
         place = page_address(x, y, path, beside, view, colour)
         second = place.beside or app_state.registry.beside
         wanted = second in app_state.registry.names and second != app_state.registry.first.name
@@ -194,13 +183,9 @@ def claim_port(host: str, port: int) -> None:
 
 
 def serve(app_state: AppState, *, host: str, port: int, show: bool) -> None:
-    """Serve until Ctrl-C.
+    """Serve until Ctrl-C, and `show` the page in the user's browser.
 
-    Args:
-        app_state: What to show.
-        host: Address to listen on; only with another than 127.0.0.1 can other machines reach the page.
-        port: Port to listen on.
-        show: Open the page in the user's browser.
+    Only with another `host` than 127.0.0.1 can other machines reach the page.
     """
     mount(app_state)
     app.add_middleware(ConcurrencyLimit, paths=PAGES)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import threading
@@ -14,9 +15,10 @@ from urllib.parse import quote
 import numpy as np
 
 from creative_nao import storage
-from creative_nao.explorer.colours import NAMES, NEAREST
+from creative_nao.explorer.colours import NAMES
 from creative_nao.explorer.memory_service import as_coordinate
 from creative_nao.explorer.view import ALL, SMALLEST, View
+from creative_nao.maps.picture import NEAREST
 from creative_nao.schema import Field, LongText, Text, Version1, parse, record, save_json
 from creative_nao.storage import read_text
 
@@ -29,7 +31,7 @@ class PageAddress:
         points: Where the movement shown comes from, shape (n, 2); more than one are a path.
         beside: Name of the second memory, or empty.
         view: Window of the map; None is the whole map.
-        colour: What the colours of the map tell.
+        colour: What the colours of the map tell, a name of `colours.NAMES`.
         taught: Name of the trainer whose memory is the first one, or empty.
     """
 
@@ -62,31 +64,22 @@ def page_address(
     """Return the place that an address asks for; what cannot be read is as if it was not there."""
     pairs = [pair.split(",") for pair in path.split("_")[:MAX_POINTS]] if path else []
     points = [[as_coordinate(pair[0]), as_coordinate(pair[1])] for pair in pairs if len(pair) == 2]
+    window = None
+    with contextlib.suppress(ValueError):
+        left, bottom, width = (float(part) for part in view.split(","))
+        if all(map(math.isfinite, (left, bottom, width))) and SMALLEST <= width < ALL:
+            left, bottom = (min(max(low, -1.0), 1.0 - width) for low in (left, bottom))
+            window = View(left, bottom, width)
     return PageAddress(
-        np.array(points if points else [[as_coordinate(x), as_coordinate(y)]]),
-        beside,
-        _view_of(view),
+        np.array(points or [[as_coordinate(x), as_coordinate(y)]]), beside, window,
         colour if colour in NAMES else NEAREST,
-    )
-
-
-def _view_of(text: str) -> View | None:
-    try:
-        left, bottom, width = (float(part) for part in text.split(","))
-    except ValueError:
-        return None
-    if not all(map(math.isfinite, (left, bottom, width))) or not SMALLEST <= width < ALL:
-        return None
-    left, bottom = (min(max(low, -1.0), 1.0 - width) for low in (left, bottom))
-    return View(left, bottom, width)
+    )  # fmt: skip
 
 
 MAX_FILE_BYTES = 4_000_000
 MAX_FAVOURITES = 500
 MAX_POINTS = 200
 MAX_NOTE = 300
-
-
 Coordinate = Annotated[float, Field(ge=-1, le=1)]
 
 
@@ -133,7 +126,7 @@ class Session:
 
     def favourites(self, memory: str) -> list[Favourite]:
         """Return those of one memory, oldest first."""
-        return [one for one in self._favourites if one.memory == memory]
+        return [favourite for favourite in self._favourites if favourite.memory == memory]
 
     def add(self, favourite: Favourite) -> None:
         """Keep one more; the oldest gives way when there are too many.
@@ -142,11 +135,11 @@ class Session:
             OSError: If the file cannot be written; the favourites then are as they were.
             FileFormatError: If the file has become no session of ours.
         """
-        self._change(lambda found: [*found, favourite][-MAX_FAVOURITES:])
+        self._change(lambda kept: [*kept, favourite][-MAX_FAVOURITES:])
 
     def remove(self, favourite: Favourite) -> None:
         """Forget one; raises like `add`."""
-        self._change(lambda found: [one for one in found if one != favourite])
+        self._change(lambda kept: [other for other in kept if other != favourite])
 
     def _change(self, change: Callable[[list[Favourite]], list[Favourite]]) -> None:
         with self._lock, storage.alone(self.path.parent):
@@ -158,5 +151,5 @@ class Session:
 
 def _read(path: Path) -> list[Favourite]:
     where = f"{path}: not a session of the explorer, move it away to begin anew"
-    found = parse(SessionFile, read_text(path, "session of the explorer", MAX_FILE_BYTES), where)
-    return list(found.favourites[-MAX_FAVOURITES:])
+    session = parse(SessionFile, read_text(path, "session of the explorer", MAX_FILE_BYTES), where)
+    return list(session.favourites[-MAX_FAVOURITES:])

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import html
-import io
 import json
 import zlib
 from base64 import b64encode
 from importlib import util
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -19,31 +16,30 @@ from PIL import Image
 from creative_nao import storage
 from creative_nao.envs.physical_map import PhysicalMap
 from creative_nao.errors import MissingDependencyError
+from creative_nao.evaluation.pages import render
 from creative_nao.explorer.colours import (
     NAMES,
     PATTERNS,
     STRENGTH,
-    Chart,
-    Computation,
-    Scale,
+    as_picture,
+    borders,
     cell_colours,
-    figure_of_body,
+    data_address,
     is_number,
-    is_of_body,
-    legend_html,
-    measured,
+    is_physical,
+    physical_figure,
+    png_address,
     scale_label,
-    spans,
 )
-from creative_nao.explorer.map_pane import borders
-from creative_nao.explorer.memory_service import ORDER, MemoryService, spoken
+from creative_nao.explorer.markup import ORDER, TEMPLATES, legend_html
+from creative_nao.explorer.memory_service import MemoryService, spoken
 from creative_nao.explorer.physics_service import BrowserRobot
-from creative_nao.explorer.registry import cached_map
+from creative_nao.explorer.registry import Computation, cached_map, measured
 from creative_nao.explorer.view import SIZE, View
 from creative_nao.joints import LIMITS_RAD
 from creative_nao.maps import PAPER_RESOLUTION, PBMap
 from creative_nao.maps.figure_style import INK, UNUSABLE, rgb
-from creative_nao.maps.picture import MEASURE_COLOURS
+from creative_nao.maps.picture import MEASURE_COLOURS, measure_span
 from creative_nao.measures import Criteria, excursion_limit
 from creative_nao.model import Memory
 
@@ -51,12 +47,12 @@ LEVELS = 256 - len(UNUSABLE)
 """Steps of a scale; the bytes above them are the outcomes that cannot be used, which have no number."""
 
 
-def colour_sheets(memory: Memory, chart: PBMap, physical: PhysicalMap | None = None) -> dict[str, Any]:
+def colour_sheets(memory: Memory, pb_map: PBMap, physical: PhysicalMap | None = None) -> dict[str, Any]:
     """Return the colourings of a map; JSON values.
 
     Args:
         memory: Makes the movements again where the map does not hold them: about a second of a core for a fine map.
-        chart: The map of the whole PB space.
+        pb_map: The map of the whole PB space.
         physical: What the robot's body makes of every movement, if that was worked out.
 
     Returns:
@@ -66,76 +62,66 @@ def colour_sheets(memory: Memory, chart: PBMap, physical: PhysicalMap | None = N
         before it, deflated), `palette` (red, green and blue of each byte), `legend` (HTML), and for a number `label`,
         `low` and `high`.
     """
-    if chart.trajectories is None:
-        chart = dataclasses.replace(chart, trajectories=memory.generate(chart.pb), dt_s=memory.dt_s)
+    if pb_map.trajectories is None:
+        pb_map = dataclasses.replace(pb_map, trajectories=memory.generate(pb_map.pb), dt_s=memory.dt_s)
     sheets = []
     for name, text in NAMES.items():
-        of_body = is_of_body(name)
-        if of_body and physical is None:
+        values = None
+        if not is_physical(name):
+            coloured = pb_map
+            values = measured(memory, pb_map, name, pb_map, Computation()) if is_number(name) else None
+        elif physical is not None:
+            coloured = physical
+            values = physical_figure(physical, name) if is_number(name) else None
+        else:
             continue
-        of: Chart = physical if of_body and physical is not None else chart
-        values = _values(memory, of, name) if is_number(name) else None
-        sheets.append({"name": name, "text": text, "texture": int(of_body), **_sheet(of, name, values)})
-    textures = [texture_address(one) for one in (chart, physical) if one is not None]
+        sheet = _sheet(coloured, name, values)
+        sheets.append({"name": name, "text": text, "texture": int(is_physical(name)), **sheet})
+    textures = [texture_address(drawn) for drawn in (pb_map, physical) if drawn is not None]
     return {"levels": LEVELS, "textures": textures, "sheets": sheets}
 
 
-def _values(memory: Memory, chart: Chart, name: str) -> np.ndarray:
-    if isinstance(chart, PhysicalMap):
-        return figure_of_body(chart, name)
-    values = measured(memory, chart, name, chart, Computation())
-    assert values is not None  # nobody calls this work off
-    return values
-
-
-def _sheet(chart: Chart, name: str, values: np.ndarray | None) -> dict[str, Any]:
-    n = chart.resolution
+def _sheet(pb_map: PBMap, name: str, values: np.ndarray | None) -> dict[str, Any]:
+    n = pb_map.resolution
     if values is None:
-        drawn = Image.fromarray(np.round(255 * cell_colours(chart, name)).astype(np.uint8)).quantize(256)
-        told = {"legend": legend_html(chart, name)}
+        drawn = as_picture(cell_colours(pb_map, name)).quantize(256)
+        scale = {"legend": legend_html(pb_map, name)}
         plane, palette = np.asarray(drawn), np.array(drawn.getpalette(), np.uint8)
     else:
-        low, high = spans([chart], [values])
-        plane, palette = _steps(chart, values, low, high)
-        label = scale_label(name)
-        told = {"legend": legend_html(chart, name, Scale(label, low, high)), "label": label, "low": low, "high": high}
+        low, high = span = measure_span(pb_map, values)
+        plane, palette = _steps(pb_map, values, low, high)
+        scale = {"legend": legend_html(pb_map, name, span), "label": scale_label(name), "low": low, "high": high}
     differences = np.diff(plane.reshape(n, n), axis=1, prepend=np.uint8(0))
     return {
-        "n": n,
-        "plane": _text(zlib.compress(differences.tobytes(), 9)),
-        "palette": _text(palette.tobytes()),
-        **told,
-    }
+        "n": n, "plane": _text(zlib.compress(differences.tobytes(), 9)), "palette": _text(palette.tobytes()), **scale
+    }  # fmt: skip
 
 
-def _steps(chart: Chart, values: np.ndarray, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+def _steps(pb_map: PBMap, values: np.ndarray, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the step of each cell and the colour of each step."""
     from matplotlib import colormaps
 
     share = (values - low) / (high - low) if high > low else np.zeros(len(values))
     plane = np.clip(np.floor(LEVELS * share), 0, LEVELS - 1).astype(np.uint8)
     for place, outcome in enumerate(UNUSABLE):
-        plane[chart.outcome == outcome] = LEVELS + place
+        plane[pb_map.outcome == outcome] = LEVELS + place
     ramp = colormaps[MEASURE_COLOURS]((np.arange(LEVELS) + 0.5) / LEVELS)[:, :3]
     palette = np.concatenate([ramp, [rgb(colour) for colour, _ in UNUSABLE.values()]])
     return plane, np.round(255 * palette).astype(np.uint8)
 
 
-def texture_address(chart: Chart) -> str:
+def texture_address(pb_map: PBMap) -> str:
     """Return what lies over the colours of a map as a data address: hatching half see-through, and borders."""
-    n = chart.resolution
-    rows, columns = View.of(chart).cells(chart)
-    outcome = chart.outcome.reshape(n, n)[np.ix_(rows, columns)]
+    rows, columns = View.of(pb_map).cells(pb_map)
+    outcome = pb_map.outcome.reshape(pb_map.resolution, -1)[np.ix_(rows, columns)]
     up, across = np.mgrid[:SIZE, :SIZE]
     drawn = np.zeros((SIZE, SIZE), np.uint8)
     for name, pattern in PATTERNS.items():
         drawn[(outcome == name) & pattern(up, across)] = 1
-    drawn[borders(chart, rows, columns)] = 2
+    drawn[borders(pb_map, rows, columns)] = 2
     picture = Image.fromarray(drawn, mode="P")
-    picture.putpalette([255, 255, 255, 255, 255, 255, *(round(255 * one) for one in rgb(INK))])
-    stream = io.BytesIO()
-    picture.save(stream, format="PNG", optimize=True, bits=2, transparency=bytes([0, round(255 * STRENGTH), 255]))
-    return f"data:image/png;base64,{_text(stream.getvalue())}"
+    picture.putpalette([255, 255, 255, 255, 255, 255, *(round(255 * channel) for channel in rgb(INK))])
+    return png_address(picture, optimize=True, bits=2, transparency=bytes([0, round(255 * STRENGTH), 255]))
 
 
 def _text(content: bytes) -> str:
@@ -163,16 +149,16 @@ def write_page(
     service = MemoryService(memory)
     data = {
         "memory": memory_data(service),
-        "robot": BrowserRobot().description(),
+        "robot": BrowserRobot().description,
         "colours": colour_sheets(memory, cached_map(memory, resolution), physical),
     }
-    page = Template((STATIC / "alone.html").read_text(encoding="utf-8")).substitute(
-        name=html.escape(memory.name),
+    page = render(
+        "alone.html.jinja", TEMPLATES, name=memory.name,
         style=(STATIC / "page.css").read_text(encoding="utf-8"),
         data=_in_script(json.dumps(data)),
         modules=_in_script(json.dumps({"imports": _modules()})),
         script=(STATIC / "alone.js").read_text(encoding="utf-8"),
-    )
+    )  # fmt: skip
     return storage.write_text(target, page)
 
 
@@ -191,7 +177,7 @@ def memory_data(service: MemoryService) -> dict[str, Any]:
         "nUnits": network.n_softmax_units,
         "nFast": network.layer_sizes[0],
         "pb": memory.pb.tolist(),
-        "demonstrations": [one.tolist() for one in memory.demonstrations.trajectories],
+        "demonstrations": [trajectory.tolist() for trajectory in memory.demonstrations.trajectories],
         "weights": {name: _packed(array) for name, array in memory.parameters.items() if name != "rho"},
         "references": _packed(memory.encoding.references),
         "rate": _packed(rates),
@@ -206,23 +192,19 @@ def memory_data(service: MemoryService) -> dict[str, Any]:
 
 def _modules() -> dict[str, str]:
     """Return the scripts as data addresses; the 3-D library keeps its own licence notice at its head."""
-    found = util.find_spec("nicegui")
-    if found is None or found.origin is None:
+    package = util.find_spec("nicegui")
+    if package is None or package.origin is None:
         raise MissingDependencyError(
             'a page of its own needs NiceGUI\'s 3-D library: pip install "creative-nao[explore]"'
         )
-    library = Path(found.origin).parent / "elements" / "scene" / "dist" / "index.js"
+    library = Path(package.origin).parent / "elements" / "scene" / "dist" / "index.js"
     sources = {"nicegui-scene": library}
     sources |= {f"cn-{name}": STATIC / f"{name}.js" for name in ("robot", "network", "attribution", "colouring")}
-    return {name: _address("text/javascript", path.read_bytes()) for name, path in sources.items()}
-
-
-def _address(kind: str, content: bytes) -> str:
-    return f"data:{kind};base64,{b64encode(content).decode()}"
+    return {name: data_address("text/javascript", path.read_bytes()) for name, path in sources.items()}
 
 
 def _packed(array: np.ndarray) -> str:
-    return b64encode(np.ascontiguousarray(array, dtype="<f4").tobytes()).decode()
+    return _text(np.ascontiguousarray(array, dtype="<f4").tobytes())
 
 
 def _in_script(text: str) -> str:

@@ -6,18 +6,20 @@ import itertools
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from nicegui import background_tasks, events, run, ui
 
 from creative_nao.errors import CreativeNaoError
-from creative_nao.explorer.map_pane import MapPane, MapState, Mark, as_pixel
-from creative_nao.explorer.memory_panel import MemoryPanel
-from creative_nao.explorer.memory_service import MemoryService, Recall, surprise
-from creative_nao.explorer.physics_service import PhysicsService
-from creative_nao.explorer.registry import NONE, LoadedMemory, MemoryRegistry, ProgressiveMap
+from creative_nao.explorer.map_pane import MapPane, MapState, as_pixel
+from creative_nao.explorer.markup import curves_svg, strip_html
+from creative_nao.explorer.memory_service import Recall, describe, surprise
+from creative_nao.explorer.physics_service import PhysicsService, angles_message, robot_scene
+from creative_nao.explorer.registry import NONE, LoadedMemory, MemoryRegistry
 from creative_nao.explorer.state import MAX_NOTE, MAX_POINTS, Favourite, PageAddress, Session
 from creative_nao.explorer.view import View
+from creative_nao.maps import PBMap
 
 STEP = 2.0
 """How much nearer a key or a button brings."""
@@ -25,6 +27,10 @@ _ARROWS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, 1), "Arrow
 MAX_FACTOR = 16
 """How far one turn of a wheel may zoom."""
 _ZOOMS = {"+": STEP, "=": STEP, "-": 1 / STEP}
+_KEYS = "['ArrowLeft','ArrowRight','ArrowUp','ArrowDown','0','1','2','3','4','5','6','r','s','u','+','=','-']"
+_TOUCHED = "(e) => { if (!window.mapPinch && ((e.buttons & 1) || e.mouse_event_type === 'pointerup')) emit(e) }"
+_HOVERED = "(e) => { if (!e.buttons) emit(e) }"
+_PRESSED = f"(e) => {{ if ({_KEYS}.includes(e.key) && !e.ctrlKey && !e.metaKey) {{ e.preventDefault(); emit(e) }} }}"
 
 
 @dataclass
@@ -39,15 +45,60 @@ class AppState:
     taught: str = ""
     """Name of the trainer that the memory is of, if it was taught in the page."""
 
-    @property
-    def service(self) -> MemoryService:
-        """The memory that the page is about."""
-        return self.registry.first.service
 
-    @property
-    def progressive_map(self) -> ProgressiveMap:
-        """Its map."""
-        return self.registry.first.progressive_map
+class MemoryPanel:
+    """One memory in a tab: its map, its robot, and what is told of the movement shown, `recall`."""
+
+    def __init__(self, loaded: LoadedMemory) -> None:
+        self.loaded = loaded
+        self.map = MapPane(loaded)
+        self.recall: Recall | None = None
+        self._movement: tuple[dict[str, Any], dict[str, Any] | None] | None = None
+        self._ghost_shown = True
+
+    def build_robot(self, physics_service: PhysicsService) -> None:
+        """Lay the robot out."""
+        label = f"The robot performing the movement of memory {self.loaded.name}"
+        self.robot = robot_scene(physics_service.robot, self.replay, label)
+
+    def build_description(self) -> None:
+        """Lay out the movement in words and curves."""
+        self.status = ui.label("The robot remembers ...").classes("cn-status")
+        self.status.props("role=status aria-live=polite").mark("status")
+        self.curves = ui.html("", sanitize=False).classes("w-full")  # numbers and fixed names only
+
+    def present(self, recall: Recall, digits: int = 3) -> None:
+        """Show a movement that has been made or recognised; its PB is told with so many decimals."""
+        memory = self.loaded.service.memory
+        basic = memory.demonstrations.trajectories[recall.nearest]
+        self.recall = recall
+        self._movement = angles_message(recall.trajectory, memory.dt_s), angles_message(basic, memory.dt_s)
+        self.replay()
+        self.status.text = describe(recall, self.loaded.service, digits)
+        self.curves.content = curves_svg(recall, self.loaded.service) + strip_html(recall, self.loaded.service)
+
+    async def perform(self, physics_service: PhysicsService) -> None:
+        """Let the simulated robot perform the movement shown, and say what its body made of it."""
+        recall = self.recall
+        if recall is None:
+            return
+        dt_s = self.loaded.service.memory.dt_s
+        performed = await run.io_bound(physics_service.perform, recall.trajectory, dt_s)
+        if performed is not None and recall is self.recall:
+            self._movement = performed[0], None
+            self.replay()
+            self.status.text = f"{self.status.text}; {performed[1]}"
+
+    def ghost(self, seen: bool) -> None:
+        """Show or hide the nearest basic action."""
+        self._ghost_shown = seen
+        self.replay()
+
+    def replay(self) -> None:
+        """Let the browser play the movement again."""
+        if self._movement is not None:
+            movement, ghost = self._movement
+            self.robot.perform(movement, ghost if self._ghost_shown else None)
 
 
 class Tab:
@@ -57,32 +108,21 @@ class Tab:
         app_state: What it shares with all tabs.
         place: Where it is.
         beside: A second memory that follows every step beside the first.
-
-    Attributes:
-        mode: Whether a click goes to a point or draws a path.
-        pb_1: Field of the first PB unit.
-        pb_2: Field of the second.
-        physics: Whether the movement is performed in physics.
-        dark: Colour scheme of the page.
-        status: The sentence about the movement of the first memory.
-        poll: Waits for the fine maps.
     """
 
     mode: ui.toggle
+    """Whether a click goes to a point or draws a path."""
     pb_1: ui.number
     pb_2: ui.number
     physics: ui.switch
+    """Whether the movement is performed in physics."""
     dark: ui.dark_mode
-    status: ui.label
     poll: ui.timer
+    """Waits for the fine maps."""
 
-    def __init__(
-        self, app_state: AppState, place: PageAddress | None = None, beside: LoadedMemory | None = None
-    ) -> None:
-        place = PageAddress() if place is None else place
+    def __init__(self, app_state: AppState, place: PageAddress, beside: LoadedMemory | None = None) -> None:
         self.app_state = app_state
-        self.service = app_state.service
-        self.key = app_state.registry.first.key
+        self.service = app_state.registry.first.service
         self.client = ui.context.client
         self.beside = beside.name if beside is not None else NONE if app_state.registry.beside else ""
         self.rng = np.random.default_rng()
@@ -90,9 +130,9 @@ class Tab:
         self.memory_panels = [
             MemoryPanel(loaded) for loaded in (app_state.registry.first, beside) if loaded is not None
         ]
-        self.map_state = MapState([panel.map for panel in self.memory_panels], self._looked)
+        self.map_state = MapState([panel.map for panel in self.memory_panels], self._maps_changed)
         self.map_state.set(place.view, place.colour)
-        self.marks: list[Mark] = []
+        self.marks: dict[str, tuple[float, float]] = {}
         self.trail: list[np.ndarray] = []
         self.refresh_favourites: Callable[[], object] = lambda: None
         self.refresh_toolbar: Callable[[], object] = lambda: None
@@ -105,11 +145,16 @@ class Tab:
         """The movement of the first memory."""
         return self.memory_panels[0].recall
 
+    @property
+    def pb_map(self) -> PBMap:
+        """The map of the first memory."""
+        return self.memory_panels[0].loaded.pb_map
+
     def close(self) -> None:
-        """End the tab's work and let go of what it holds; what is still being computed is not shown any more."""
+        """End the tab's work and drop what it holds; what is still being computed is not shown any more."""
         self.map_state.cancel()
         self._latest = next(self._numbers)
-        self.marks, self.trail, self.drawing = [], [], []
+        self.marks, self.trail, self.drawing = {}, [], []
 
     async def open(self) -> None:
         """Show what the address asks for."""
@@ -125,14 +170,14 @@ class Tab:
         self.redraw()
         recalls = [await run.io_bound(panel.loaded.service.recall, self.points) for panel in self.memory_panels]
         if number == self._latest:
-            await self.present(*(one for one in recalls if one is not None))
+            await self.present(*(recall for recall in recalls if recall is not None))
 
     async def present(self, *recalls: Recall) -> None:
         """Show movements that have been made or recognised; a memory of which there is none is asked for its own."""
         number = self._latest
         for panel in self.memory_panels[len(recalls) :]:
-            made = await run.io_bound(panel.loaded.service.recall, self.points)
-            recalls = (*recalls, made) if made is not None else recalls
+            recall = await run.io_bound(panel.loaded.service.recall, self.points)
+            recalls = (*recalls, recall) if recall is not None else recalls
         if number != self._latest:
             return
         digits = self.memory_panels[0].map.frame().digits
@@ -148,10 +193,12 @@ class Tab:
 
     def remember(self) -> None:
         """Write into the address where we are."""
-        address = PageAddress(
-            self.points, self.beside, self.map_state.view, self.map_state.colour, self.app_state.taught
-        ).address()
-        self.client.run_javascript(f'history.replaceState({{}}, "", {json.dumps(address)})')
+        self.client.run_javascript(f'history.replaceState({{}}, "", {json.dumps(self.address(self.beside))})')
+
+    def address(self, beside: str) -> str:
+        """Return the address of where we are, with a second memory of this name beside."""
+        state = self.map_state
+        return PageAddress(self.points, beside, state.view, state.colour, self.app_state.taught).address()
 
     def redraw(self) -> None:
         """Draw the marks on the maps anew."""
@@ -161,11 +208,7 @@ class Tab:
 
     def go_beside(self, name: str) -> None:
         """Open the page anew, where it is, with another memory beside or, by `registry.NONE`, without."""
-        if name == NONE and not self.app_state.registry.beside:
-            name = ""
-        ui.navigate.to(
-            PageAddress(self.points, name, self.map_state.view, self.map_state.colour, self.app_state.taught).address()
-        )
+        ui.navigate.to(self.address("" if name == NONE and not self.app_state.registry.beside else name))
 
     async def back(self) -> None:
         """Go back to where we were before."""
@@ -195,9 +238,18 @@ class Tab:
         moved = view.following(self.points[-1]) if len(self.points) == 1 else None
         background_tasks.create(self.look_at(moved, self.map_state.colour))
 
-    def _looked(self) -> None:
+    def _maps_changed(self) -> None:
         self.refresh_toolbar()
         self.redraw()
+
+    def build_map(self, pane: MapPane) -> None:
+        """Lay one of the maps out; what a person does to it comes here."""
+        pane.build()
+        image = pane.image
+        image.on("mouse", lambda e: self.touched(pane, e), throttle=0.06, js_handler=_TOUCHED)
+        image.on("mouse", lambda e: self.hovered(pane, e), throttle=0.15, js_handler=_HOVERED)
+        image.on("keydown", self.pressed, args=["key", "shiftKey"], throttle=0.03, js_handler=_PRESSED)
+        image.on("mapzoom", lambda e: self.zoomed(pane, e), js_handler="(e) => emit(e.detail)")
 
     async def touched(self, pane: MapPane, event: events.GenericEventArguments) -> None:
         """Go to the point under the pointer, or draw."""
@@ -218,9 +270,8 @@ class Tab:
 
     def hovered(self, pane: MapPane, event: events.GenericEventArguments) -> None:
         """Say what lies under the pointer, in every memory."""
-        pb = pane.pb_of(event)
         for panel in self.memory_panels:
-            panel.map.tell(pb, self.map_state.colour)
+            panel.map.describe(pane.pb_of(event), self.map_state.colour)
 
     async def zoomed(self, pane: MapPane, event: events.GenericEventArguments) -> None:
         """Zoom by wheel or fingers."""
@@ -242,7 +293,7 @@ class Tab:
         elif key.isdigit() and int(key) <= len(self.service.names):
             await self.show(self.service.memory.pb[int(key) - 1][None])
         elif key == "r":
-            await self.show(surprise(self.app_state.progressive_map.chart, self.rng)[None])
+            await self.show(surprise(self.pb_map, self.rng)[None])
         elif key == "u":
             await self.back()
         elif key == "s":
@@ -255,7 +306,7 @@ class Tab:
 
     async def fine_maps_ready(self) -> None:
         """Show the fine maps once they are computed."""
-        if all(panel.loaded.progressive_map.finished.is_set() for panel in self.memory_panels):
+        if all(panel.loaded.finished.is_set() for panel in self.memory_panels):
             self.poll.deactivate()
             await self.map_state.work()
 
@@ -268,7 +319,12 @@ class Tab:
         if self.recall is not None:
             points = tuple((float(x), float(y)) for x, y in self.points)
             beside = self.memory_panels[1].loaded.name if len(self.memory_panels) > 1 else ""
-            self.change_favourites(self.app_state.session.add, Favourite(self.key, points, note[:MAX_NOTE], beside))
+            favourite = Favourite(self.memory_panels[0].loaded.key, points, note[:MAX_NOTE], beside)
+            self.change_favourites(self.app_state.session.add, favourite)
+
+    def favourites(self) -> list[Favourite]:
+        """Return the favourites of the first memory, oldest first."""
+        return self.app_state.session.favourites(self.memory_panels[0].loaded.key)
 
     def change_favourites(self, change: Callable[[Favourite], None], favourite: Favourite) -> bool:
         """Change the favourites and show them; tell the user when they cannot be written."""

@@ -20,10 +20,10 @@ from creative_nao.explorer.keyframe_editor import (
     KeyframeSet,
     blank,
     boxing,
-    draft_svg,
     fault,
     shortcomings,
 )
+from creative_nao.explorer.markup import draft_svg
 from creative_nao.explorer.memory_service import spoken
 from creative_nao.explorer.physics_service import angles_message, player_controls, robot_scene
 from creative_nao.explorer.tab import AppState
@@ -31,196 +31,21 @@ from creative_nao.explorer.teach_training import TrainingPanel, TrainingSessions
 from creative_nao.joints import JOINTS, limits
 from creative_nao.maps.figure_style import action_colour, action_letter
 
-_ARMS = (("Left arm", (4, 5, 6, 7)), ("Right arm", (0, 1, 2, 3)))
-_PARTS = ("Shoulder pitch", "Shoulder roll", "Elbow yaw", "Elbow roll")
-
-
-class Editor:
-    """Lays out what a person touches to make demonstrations."""
-
-    def __init__(self, tab: TeachTab) -> None:
-        self.tab = tab
-        self.sliders: dict[int, ui.slider] = {}
-        self.figures: dict[int, ui.label] = {}
-
-    def build(self) -> None:
-        """Lay everything out; `refresh` fills it."""
-        tab = self.tab
-        with ui.row().classes("items-center gap-2"):
-            _button("Boxing set", lambda: self._start(boxing()))
-            _button("Empty set", lambda: self._start(KeyframeSet((blank(),))))
-            _button("Add", self._add)
-            _button("Add mirror image", self._mirror)
-            _button("Remove", self._remove)
-            _button("Undo", tab.undo)
-        self.list = ui.row().classes("gap-1").props('role=group aria-label="Demonstrations"')
-        self.name = ui.input("Name of the demonstration").props("dense maxlength=24").classes("w-full")
-        self.name.on("change", self._rename)
-        with ui.row().classes("items-center gap-2"):
-            _button("Earlier key", lambda: self._choose(tab.key - 1))
-            _button("Later key", lambda: self._choose(tab.key + 1))
-            self.time = ui.number("Reached at [s]", min=0, max=MAX_DURATION_S, step=0.05, format="%.2f")
-            self.time.props("dense").classes("w-28")
-            self.time.on("change", self._retime)
-            _button("Add key", self._add_key)
-            _button("Remove key", self._remove_key)
-        self.timeline = ui.element("div").classes("cn-timeline").props('role=group aria-label="Keys over time"')
-        low, high = limits()
-        with ui.element("div").classes("cn-arms"):
-            for arm, joints in _ARMS:
-                with ui.column().classes("gap-0"):
-                    ui.label(arm).classes("font-bold")
-                    for joint, part in zip(joints, _PARTS, strict=True):
-                        with ui.row().classes("w-full justify-between no-wrap"):
-                            ui.label(part).classes("text-sm")
-                            self.figures[joint] = ui.label("").classes("text-sm cn-figure")
-                        slider = ui.slider(
-                            min=float(low[joint]), max=float(high[joint]), step=0.01, value=float(low[joint])
-                        )
-                        slider.props(f'dense aria-label="{JOINTS[joint]}"').classes("cn-slider")
-                        slider.on("update:model-value", self._dragging(joint), throttle=0.05)
-                        slider.on("change", tab.settle)
-                        self.sliders[joint] = slider
-
-    def refresh(self) -> None:
-        """Show the keyframes as it is now."""
-        tab = self.tab
-        self.list.clear()
-        with self.list:
-            for place, draft in enumerate(tab.keyframes.drafts):
-                mark = " - has a fault" if fault(draft) else ""
-                chosen = place == tab.place
-                button = ui.button(f"{action_letter(place)} {spoken(draft.name)}{mark}")
-                button.on_click(lambda _, place=place: self._show(place)).classes("cn-draft")
-                button.props(
-                    f"dense no-caps {'unelevated' if chosen else 'outline'} aria-pressed={str(chosen).lower()}"
-                )
-                button.style(f"border-left: 6px solid {action_colour(place)}")
-        self.timeline.clear()
-        with self.timeline:
-            for k, key in enumerate(tab.draft.keys):
-                left = 100 * key.time_s / tab.draft.duration_s
-                handle = ui.element("button").classes("cn-key-handle" + (" cn-chosen" if k == tab.key else ""))
-                handle.style(f"left: {left:.2f}%").on("click", lambda _, k=k: self._choose(k))
-                handle.props(
-                    f'type=button aria-label="Key at {key.time_s:.2f} s" aria-pressed={str(k == tab.key).lower()}'
-                )
-        self.name.value = tab.draft.name
-        key = tab.draft.keys[tab.key]
-        self.time.value = key.time_s
-        for joint, slider in self.sliders.items():
-            slider.value = round(key.posture[joint], 4)
-            self._figure(joint, key.posture[joint])
-
-    def _figure(self, joint: int, angle: float) -> None:
-        self.figures[joint].text = f"{angle:.2f} rad, {math.degrees(angle):.0f}°"
-
-    def _dragging(self, joint: int) -> Callable[[events.GenericEventArguments], None]:
-        def dragged(event: events.GenericEventArguments) -> None:
-            value = event.args
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                return
-            tab = self.tab
-            draft = tab.draft.posed(tab.key, joint, float(value))
-            tab.change_draft(draft, merged=(tab.place, tab.key, joint))
-            self._figure(joint, draft.keys[tab.key].posture[joint])
-            tab.pose()
-            tab.tell()
-
-        return dragged
-
-    def _try(self, change: Callable[[], None]) -> None:
-        """Change something, or say in one line why not."""
-        try:
-            change()
-        except CreativeNaoError as error:
-            ui.notify(str(error), type="negative")
-        self.tab.settle()
-
-    def _show(self, place: int) -> None:
-        self.tab.place, self.tab.key = place, 0
-        self.tab.settle()
-        self.tab.preview()
-
-    def _choose(self, key: int) -> None:
-        self.tab.key = min(max(key, 0), len(self.tab.draft.keys) - 1)
-        self.tab.settle()
-
-    def _start(self, keyframes: KeyframeSet) -> None:
-        self.tab.change(keyframes, 0, 0)
-        self.tab.settle()
-
-    def _add(self) -> None:
-        tab, n = self.tab, len(self.tab.keyframes.drafts)
-        wish = "my_move" if n < MAX_DRAFTS else "one_more"
-        self._try(lambda: tab.change(tab.keyframes.with_draft(n, blank(tab.keyframes.free_name(wish))), n, 1))
-
-    def _mirror(self) -> None:
-        tab, n = self.tab, len(self.tab.keyframes.drafts)
-        name = tab.keyframes.free_name(_other_side(tab.draft.name))
-        self._try(lambda: tab.change(tab.keyframes.with_draft(n, tab.draft.mirrored(name)), n, 0))
-
-    def _remove(self) -> None:
-        tab = self.tab
-        if len(tab.keyframes.drafts) == 1:
-            ui.notify("One demonstration has to stay; start anew with the empty set.")
-            return
-        tab.change(tab.keyframes.without(tab.place), max(tab.place - 1, 0), 0)
-        tab.settle()
-
-    def _rename(self, event: events.GenericEventArguments) -> None:
-        tab, name = self.tab, str(event.args).strip().replace(" ", "_")
-        if name != tab.draft.name:
-            self._try(lambda: tab.change_draft(tab.draft.renamed(name)))
-
-    def _retime(self, event: events.GenericEventArguments) -> None:
-        tab = self.tab
-        try:
-            time_s = float(event.args)
-        except (TypeError, ValueError):
-            tab.settle()
-            return
-        self._try(lambda: tab.change_draft(tab.draft.at_time(tab.key, time_s)))
-
-    def _add_key(self) -> None:
-        tab = self.tab
-        keys = tab.draft.keys
-        here = keys[tab.key].time_s
-        time_s = here + 0.5 if tab.key == len(keys) - 1 else (here + keys[tab.key + 1].time_s) / 2
-
-        def change() -> None:
-            draft, place = tab.draft.with_key(time_s)
-            tab.change_draft(draft, place)
-
-        self._try(change)
-
-    def _remove_key(self) -> None:
-        self._try(lambda: self.tab.change_draft(self.tab.draft.without_key(self.tab.key)))
-
-
-def _button(text: str, action: Callable[[], object]) -> None:
-    ui.button(text, on_click=action).props("dense no-caps outline")
-
-
-def _other_side(name: str) -> str:
-    for one, other in (("left", "right"), ("right", "left")):
-        if one in name:
-            return name.replace(one, other)[:24]
-    return f"{name[:17]}_mirror"
-
-
 STATIC = Path(__file__).with_name("static")
 MAX_UNDO = 50
-_KEPT_AS = "creative-nao-notebook"
+_ARMS = (("Left arm", (4, 5, 6, 7)), ("Right arm", (0, 1, 2, 3)))
+_PARTS = ("Shoulder pitch", "Shoulder roll", "Elbow yaw", "Elbow roll")
+_KEPT_AS = "creative-nao-keyframes"
+_GET_KEPT = f"sessionStorage.getItem('{_KEPT_AS}')"
 
 
 class TeachTab:
-    """One tab that teaches. The keyframes lives here and in the browser's own store of the tab, nowhere else.
+    """One tab that teaches. The keyframes live here and in the browser's own store of the tab, nowhere else.
 
     Args:
         app_state: What this server shows; its robot is taught.
-        sessions: Where the trainers of this server learn.
-        taught: Name of an trainer to go on with, or empty.
+        sessions: The trainers of this server.
+        taught: Name of a trainer to go on with, or empty.
     """
 
     def __init__(self, app_state: AppState, sessions: TrainingSessions, taught: str = "") -> None:
@@ -230,12 +55,12 @@ class TeachTab:
         """Which draft is shown."""
         self.key = 0
         """Which of its keys."""
+        self.training = TrainingPanel(lambda: self.keyframes, app_state, sessions, taught)
+        self._sliders: dict[int, ui.slider] = {}
+        self._figures: dict[int, ui.label] = {}
         self._trail: list[tuple[KeyframeSet, int, int]] = []
         self._merged: object = None
-        self.training = TrainingPanel(self, app_state, sessions, taught)
-        self.editor = Editor(self)
-        self.closed = False
-        self._opened = False
+        self._closed = self._opened = False
 
     @property
     def draft(self) -> Draft:
@@ -243,17 +68,15 @@ class TeachTab:
         return self.keyframes.drafts[self.place]
 
     def close(self) -> None:
-        """Let go of what the tab holds; an trainer that no other tab holds is stopped."""
-        self.closed = True
+        """Drop what the tab holds; a trainer that no other tab holds is stopped."""
+        self._closed = True
         self._trail.clear()
         self.training.close()
 
     def build(self) -> None:
         """Lay the page out."""
         ui.page_title("Teach the robot")
-        ui.add_css(
-            (STATIC / "page.css").read_text(encoding="utf-8") + (STATIC / "teach.css").read_text(encoding="utf-8")
-        )
+        ui.add_css("".join((STATIC / name).read_text(encoding="utf-8") for name in ("page.css", "teach.css")))
         ui.add_body_html(f"<script>{(STATIC / 'sliders.js').read_text(encoding='utf-8')}</script>")
         dark = ui.dark_mode(None)
         with ui.row().classes("w-full items-center justify-between"):
@@ -263,43 +86,173 @@ class TeachTab:
                 ui.button("Dark / light", on_click=lambda: dark.set_value(not dark.value)).props("flat no-caps dense")
         with ui.element("div").classes("cn-page"):
             with ui.element("div").classes("cn-at-map"):
-                self.editor.build()
+                self._build_editor()
             with ui.element("div").classes("cn-at-robot"):
-                self._build_robot()
+                label = "The robot in the posture of the key, or performing the demonstration"
+                self.robot = robot_scene(self.physics_service.robot, self.pose, label)
+                with ui.row().classes("w-full items-center gap-2"):
+                    ui.button("Preview", on_click=self.preview).props("dense no-caps")
+                    ui.button("Preview in physics", on_click=self.perform).props("dense no-caps outline")
+                    player_controls()
+                self.status = ui.label("").classes("cn-status").props("role=status aria-live=polite").mark("status")
+                self.curves = ui.html("", sanitize=False).classes("w-full")  # numbers and fixed names only
             with ui.element("div").classes("cn-at-tools"):
                 self.training.build()
-        self.settle()
+        self.refresh()
 
-    def _build_robot(self) -> None:
-        self.robot = robot_scene(
-            self.physics_service.robot,
-            self.pose,
-            "The robot in the posture of the key, or performing the demonstration",
-        )
-        with ui.row().classes("w-full items-center gap-2"):
-            ui.button("Preview", on_click=self.preview).props("dense no-caps")
-            ui.button("Preview in physics", on_click=self.perform).props("dense no-caps outline")
-            player_controls()
-        self.status = ui.label("").classes("cn-status").props("role=status aria-live=polite").mark("status")
-        self.curves = ui.html("", sanitize=False).classes("w-full")  # numbers and fixed names only
+    def _build_editor(self) -> None:
+        with ui.row().classes("items-center gap-2"):
+            _button("Boxing set", lambda: self._start(boxing()))
+            _button("Empty set", lambda: self._start(KeyframeSet((blank(),))))
+            _button("Add", self._add)
+            _button("Add mirror image", self._mirror)
+            _button("Remove", self._remove)
+            _button("Undo", self.undo)
+        self.list = ui.row().classes("gap-1").props('role=group aria-label="Demonstrations"')
+        self.name = ui.input("Name of the demonstration").props("dense maxlength=24").classes("w-full")
+        self.name.on("change", self._rename)
+        with ui.row().classes("items-center gap-2"):
+            _button("Earlier key", lambda: self._choose(self.key - 1))
+            _button("Later key", lambda: self._choose(self.key + 1))
+            self.time = ui.number("Reached at [s]", min=0, max=MAX_DURATION_S, step=0.05, format="%.2f")
+            self.time.props("dense").classes("w-28")
+            self.time.on("change", self._retime)
+            _button("Add key", self._add_key)
+            _button("Remove key", lambda: self._try(lambda: self.change_draft(self.draft.without_key(self.key))))
+        self.timeline = ui.element("div").classes("cn-timeline").props('role=group aria-label="Keys over time"')
+        low, high = limits()
+        with ui.element("div").classes("cn-arms"):
+            for arm, joints in _ARMS:
+                with ui.column().classes("gap-0"):
+                    ui.label(arm).classes("font-bold")
+                    for joint, part in zip(joints, _PARTS, strict=True):
+                        with ui.row().classes("w-full justify-between no-wrap"):
+                            ui.label(part).classes("text-sm")
+                            self._figures[joint] = ui.label("").classes("text-sm cn-figure")
+                        slider = self._sliders[joint] = ui.slider(
+                            min=float(low[joint]), max=float(high[joint]), step=0.01, value=float(low[joint])
+                        )
+                        slider.props(f'dense aria-label="{JOINTS[joint]}"').classes("cn-slider")
+                        slider.on("update:model-value", self._drag(joint), throttle=0.05)
+                        slider.on("change", self.refresh)
+
+    def _refresh_editor(self) -> None:
+        self.list.clear()
+        with self.list:
+            for place, draft in enumerate(self.keyframes.drafts):
+                chosen = place == self.place
+                button = ui.button(
+                    f"{action_letter(place)} {spoken(draft.name)}{' - has a fault' if fault(draft) else ''}"
+                )
+                button.on_click(lambda _, place=place: self._show(place)).classes("cn-draft")
+                button.props(
+                    f"dense no-caps {'unelevated' if chosen else 'outline'} aria-pressed={str(chosen).lower()}"
+                )
+                button.style(f"border-left: 6px solid {action_colour(place)}")
+        self.timeline.clear()
+        with self.timeline:
+            for k, key in enumerate(self.draft.keys):
+                chosen = k == self.key
+                handle = ui.element("button").classes("cn-key-handle" + (" cn-chosen" if chosen else ""))
+                handle.style(f"left: {100 * key.time_s / self.draft.duration_s:.2f}%")
+                handle.on("click", lambda _, k=k: self._choose(k))
+                handle.props(f'type=button aria-label="Key at {key.time_s:.2f} s" aria-pressed={str(chosen).lower()}')
+        self.name.value = self.draft.name
+        key = self.draft.keys[self.key]
+        self.time.value = key.time_s
+        for joint, slider in self._sliders.items():
+            slider.value = round(key.posture[joint], 4)
+            self._show_angle(joint, key.posture[joint])
+
+    def _show_angle(self, joint: int, angle: float) -> None:
+        self._figures[joint].text = f"{angle:.2f} rad, {math.degrees(angle):.0f}°"
+
+    def _drag(self, joint: int) -> Callable[[events.GenericEventArguments], None]:
+        def dragged(event: events.GenericEventArguments) -> None:
+            value = event.args
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                return
+            self.change_draft(self.draft.posed(self.key, joint, value), merged=(self.place, self.key, joint))
+            self._show_angle(joint, self.draft.keys[self.key].posture[joint])
+            self.pose()
+            self._describe()
+
+        return dragged
+
+    def _try(self, change: Callable[[], None]) -> None:
+        """Change something, or say in one line why not."""
+        try:
+            change()
+        except CreativeNaoError as error:
+            ui.notify(str(error), type="negative")
+        self.refresh()
+
+    def _show(self, place: int) -> None:
+        self.place, self.key = place, 0
+        self.refresh()
+        self.preview()
+
+    def _choose(self, key: int) -> None:
+        self.key = min(max(key, 0), len(self.draft.keys) - 1)
+        self.refresh()
+
+    def _start(self, keyframes: KeyframeSet) -> None:
+        self.change(keyframes, 0, 0)
+        self.refresh()
+
+    def _add(self) -> None:
+        n = len(self.keyframes.drafts)
+        name = self.keyframes.free_name("my_move" if n < MAX_DRAFTS else "one_more")
+        self._try(lambda: self.change(self.keyframes.with_draft(n, blank(name)), n, 1))
+
+    def _mirror(self) -> None:
+        n, name = len(self.keyframes.drafts), self.draft.name
+        other = name.replace("left", "right") if "left" in name else name.replace("right", "left")
+        name = self.keyframes.free_name(f"{name[:17]}_mirror" if other == name else other[:24])
+        self._try(lambda: self.change(self.keyframes.with_draft(n, self.draft.mirrored(name)), n, 0))
+
+    def _remove(self) -> None:
+        if len(self.keyframes.drafts) == 1:
+            ui.notify("One demonstration has to stay; start anew with the empty set.")
+            return
+        self.change(self.keyframes.without(self.place), max(self.place - 1, 0), 0)
+        self.refresh()
+
+    def _rename(self, event: events.GenericEventArguments) -> None:
+        name = str(event.args).strip().replace(" ", "_")
+        if name != self.draft.name:
+            self._try(lambda: self.change_draft(Draft(name, self.draft.keys)))
+
+    def _retime(self, event: events.GenericEventArguments) -> None:
+        try:
+            time_s = float(event.args)
+        except (TypeError, ValueError):
+            self.refresh()
+            return
+        self._try(lambda: self.change_draft(self.draft.at_time(self.key, time_s)))
+
+    def _add_key(self) -> None:
+        keys, here = self.draft.keys, self.draft.keys[self.key].time_s
+        time_s = here + 0.5 if self.key == len(keys) - 1 else (here + keys[self.key + 1].time_s) / 2
+        self._try(lambda: self.change_draft(*self.draft.with_key(time_s)))
 
     async def open(self) -> None:
         """Take up the keyframes that the browser kept for this tab."""
-        kept = await ui.run_javascript(f"sessionStorage.getItem('{_KEPT_AS}')", timeout=20)
+        kept = await ui.run_javascript(_GET_KEPT, timeout=20)
         self._opened = True  # only now may what the browser keeps be replaced
-        if not kept or self.closed:
+        if not kept or self._closed:
             return
         try:
             self.keyframes = KeyframeSet.from_text(kept)
         except CreativeNaoError as error:
             ui.notify(f"The demonstrations kept by this tab cannot be read: {error}", type="negative")
         self.place = self.key = 0
-        self.settle()
+        self.refresh()
 
     def change(
         self, keyframes: KeyframeSet, place: int | None = None, key: int | None = None, merged: object = None
     ) -> None:
-        """Take up a changed keyframes; steps with the same `merged` are undone together."""
+        """Take up changed keyframes; steps with the same `merged` are undone together."""
         if merged is None or merged != self._merged:
             self._trail = [*self._trail, (self.keyframes, self.place, self.key)][-MAX_UNDO:]
         self._merged = merged
@@ -316,13 +269,13 @@ class TeachTab:
         if self._trail:
             self.keyframes, self.place, self.key = self._trail.pop()
             self._merged = None
-            self.settle()
+            self.refresh()
 
-    def settle(self) -> None:
+    def refresh(self) -> None:
         """Show everything anew after a change, and let the browser keep the keyframes."""
-        self.editor.refresh()
+        self._refresh_editor()
         self.pose()
-        self.tell()
+        self._describe()
         self.curves.content = draft_svg(self.draft, self.key)
         self.training.keyframes_changed()
         text = self.keyframes.to_text()
@@ -340,14 +293,17 @@ class TeachTab:
 
     async def perform(self) -> None:
         """Let the robot perform the demonstration in physics, before the bag."""
-        done = await run.io_bound(self.physics_service.perform, self.draft.trajectory(), DT_S)
-        if done is not None and not self.closed:
-            self.robot.perform(done[0])
-            self.status.text = f"In physics: {done[1]}."
+        performed = await run.io_bound(self.physics_service.perform, self.draft.trajectory(), DT_S)
+        if performed is not None and not self._closed:
+            self.robot.perform(performed[0])
+            self.status.text = f"In physics: {performed[1]}."
 
-    def tell(self) -> None:
+    def _describe(self) -> None:
         """Say whether what is shown, and the whole set, can be taught."""
-        found = fault(self.draft) or next(iter(shortcomings(self.keyframes)), None)
-        count = len(self.keyframes.drafts)
-        self.status.text = found or f"{count} demonstrations, all fit to be taught."
-        self.status.classes(add="cn-fault" if found else "", remove="" if found else "cn-fault")
+        line = fault(self.draft) or next(iter(shortcomings(self.keyframes)), "")
+        self.status.text = line or f"{len(self.keyframes.drafts)} demonstrations, all fit to be taught."
+        self.status.classes(add="cn-fault" if line else "", remove="" if line else "cn-fault")
+
+
+def _button(text: str, action: Callable[[], object]) -> None:
+    ui.button(text, on_click=action).props("dense no-caps outline")

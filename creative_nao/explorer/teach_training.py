@@ -9,19 +9,20 @@ import tempfile
 import threading
 import time
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
 
 import numpy as np
 from nicegui import run, ui
 
+from creative_nao import maps
 from creative_nao.demonstrations import Demonstrations, save_demonstrations
 from creative_nao.errors import CreativeNaoError, SettingsError
-from creative_nao.explorer.keyframe_editor import KeyframeSet, advice, grown_map, loss_svg, shortcomings
+from creative_nao.explorer.keyframe_editor import KeyframeSet, advice, shortcomings
+from creative_nao.explorer.markup import grown_map, loss_svg
 from creative_nao.explorer.memory_service import spoken
 from creative_nao.explorer.registry import MemoryRegistry
 from creative_nao.explorer.tab import AppState
-from creative_nao.maps import PBMap, pb_map
 from creative_nao.maps.figure_style import action_letter
 from creative_nao.measures import Criteria
 from creative_nao.model import Memory, NetworkSettings, TrainingSettings
@@ -30,23 +31,23 @@ from creative_nao.model.training import TrainingState, memory_at, reproduction, 
 from creative_nao.runtime import usable_cores
 
 MAX_EPOCHS = 300_000
-"""Where an trainer has learned enough, however often it goes on."""
-LOOK_S = 0.4
-"""Shortest time between two looks at what is learned so far."""
+"""Where a training ends, however often it goes on."""
+MIN_INTERVAL_S = 0.4
+"""Shortest time between two reports of progress."""
 CURVE_POINTS = 240
 MADE_BY = "taught in the explorer's page"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TrainingProgress:
-    """How far an trainer is.
+    """How far a training is.
 
     Attributes:
         phase: `idle`, `waiting` for others to finish, `learning`, `stopped`, `finished` or `failed`.
         n_epochs: Where it will stop.
         epoch: Epochs done.
         curve: Epoch and loss, shape (n, 2).
-        memory: What it has learned so far, None before the first progress.
+        memory: What is learned so far, None before the first report.
         failure: Why it failed, one line, or empty.
         epochs_per_s: Its pace since it was last started, 0 if unknown.
     """
@@ -64,17 +65,33 @@ class TrainingProgress:
         """Whether it is at work, or will be."""
         return self.phase in ("waiting", "learning")
 
+    def __str__(self) -> str:
+        """Return how far it is, in words."""
+        if self.phase == "failed":
+            return f"Training failed: {self.failure}"
+        if self.phase == "waiting":
+            return "Waiting for another training on this machine to end ..."
+        if not len(self.curve):
+            return "Beginning ..."
+        loss = f"loss {self.curve[-1, 1]:.3g}"
+        if self.phase == "learning":
+            left = (self.n_epochs - self.epoch) / max(self.epochs_per_s, 1e-9)
+            return f"Learning: epoch {self.epoch:,} of {self.n_epochs:,}, {loss}, about {left:.0f} s left"
+        return f"{'Learned' if self.phase == 'finished' else 'Stopped'}: {self.epoch:,} epochs, {loss}"
+
 
 class Trainer:
-    """A network and what it is to learn.
+    """One training in a thread; it can be stopped and gone on with.
 
     Args:
         demonstrations: The basic actions.
         training: Closed-loop ratio and seed; the number of epochs is `learn`'s.
-        concurrency_limit: Lets as many trainers of the server learn at a time as it has places.
+        concurrency_limit: Lets as many trainers of the server train at a time as it has places.
 
     Attributes:
         progress: How far it is now; replaced as a whole, so any thread may read it.
+        holders: Tabs that show it.
+        app_state: What the explorer's page shows of it, once it was asked for.
 
     Raises:
         SettingsError: If the demonstrations cannot be learned.
@@ -85,13 +102,15 @@ class Trainer:
     ) -> None:
         self.demonstrations, self.training = demonstrations, training
         self.progress = TrainingProgress()
+        self.holders = 0
+        self.app_state: AppState | None = None
         self._network = NetworkSettings()
         n_codes = encoding_of(demonstrations, self._network).n_codes
         self._state = TrainingState.initial(self._network, n_codes, demonstrations.n_actions, training.seed)
         self._concurrency_limit = concurrency_limit
         self._stop = threading.Event()
         self._started = (0, 0.0)
-        self._looked = 0.0
+        self._reported = 0.0
 
     def learn(self, n_epochs: int) -> None:
         """Begin, or go on, until `n_epochs` epochs are done altogether; returns at once.
@@ -138,17 +157,16 @@ class Trainer:
             raise
         finally:
             self._concurrency_limit.release()
-            self._note(phase, n_epochs, failure)
+            self._report(phase, n_epochs, failure)
 
     def _watch(self, training: TrainingSettings, _: TrainingState) -> None:
-        if time.monotonic() - self._looked >= LOOK_S:
-            self._note("learning", training.n_epochs)
+        if time.monotonic() - self._reported >= MIN_INTERVAL_S:
+            self._report("learning", training.n_epochs)
 
-    def _note(self, phase: str, n_epochs: int, failure: str = "") -> None:
-        state = self._state
-        memory = self.progress.memory
+    def _report(self, phase: str, n_epochs: int, failure: str = "") -> None:
+        state, memory = self._state, self.progress.memory
         if state.epoch and np.isfinite(state.best_loss):
-            settings = dataclasses.replace(self.training, n_epochs=max(state.epoch, 1))
+            settings = dataclasses.replace(self.training, n_epochs=state.epoch)
             memory = memory_at(self.demonstrations, self._network, settings, state, MADE_BY)
             memory = dataclasses.replace(memory, name="taught in this page")
         places = np.unique(np.linspace(0, max(state.epoch - 1, 0), CURVE_POINTS).astype(int))[: state.epoch]
@@ -156,119 +174,103 @@ class Trainer:
         done, since = self._started
         pace = (state.epoch - done) / max(time.monotonic() - since, 1e-3)
         self.progress = TrainingProgress(phase, n_epochs, state.epoch, curve, memory, failure, pace)
-        self._looked = time.monotonic()
+        self._reported = time.monotonic()
 
 
 PLACES = max(1, usable_cores() - 1)
-"""How many learn at a time; the page keeps a core."""
-
-
-class TrainingSession:
-    """An trainer and what was made of it.
-
-    Attributes:
-        trainer: The network that learns.
-        app_state: What the explorer's page shows of it, once it was asked for.
-    """
-
-    def __init__(self, trainer: Trainer) -> None:
-        self.trainer = trainer
-        self.app_state: Any = None
-        self.holders = 0
+"""How many train at a time; the page keeps a core."""
 
 
 class TrainingSessions:
-    """All trainers; what no tab holds any more is stopped and forgotten."""
+    """All trainers by names that nobody can guess; one that no tab holds any more is stopped and forgotten."""
 
     def __init__(self) -> None:
         self.concurrency_limit = threading.Semaphore(PLACES)
-        self._sessions: dict[str, TrainingSession] = {}
+        self._trainers: dict[str, Trainer] = {}
 
     def __len__(self) -> int:
-        return len(self._sessions)
+        return len(self._trainers)
 
     def add(self, trainer: Trainer) -> str:
-        """Take an trainer in, held once, and return its name."""
+        """Keep a trainer, held once, and return its name."""
         key = secrets.token_urlsafe(12)
-        self._sessions[key] = TrainingSession(trainer)
-        self._sessions[key].holders = 1
+        self._trainers[key] = trainer
+        trainer.holders = 1
         return key
 
-    def hold(self, key: str) -> TrainingSession | None:
-        """Hold an trainer for one more tab; None if there is no such."""
-        session = self._sessions.get(key)
-        if session is not None:
-            session.holders += 1
-        return session
+    def get(self, key: str) -> Trainer | None:
+        """Return a trainer without holding it; None if there is no such."""
+        return self._trainers.get(key)
 
-    def session(self, key: str) -> TrainingSession | None:
-        """Return an trainer's session without holding it."""
-        return self._sessions.get(key)
+    def hold(self, key: str) -> Trainer | None:
+        """Hold a trainer for one more tab; None if there is no such."""
+        trainer = self._trainers.get(key)
+        if trainer is not None:
+            trainer.holders += 1
+        return trainer
 
     def release(self, key: str) -> None:
         """Hold it for one tab less; without any, it is stopped and forgotten."""
-        session = self._sessions.get(key)
-        if session is None:
+        trainer = self._trainers.get(key)
+        if trainer is None:
             return
-        session.holders -= 1
-        if session.holders <= 0:
-            session.trainer.stop()
-            del self._sessions[key]
+        trainer.holders -= 1
+        if trainer.holders <= 0:
+            trainer.stop()
+            del self._trainers[key]
 
 
 RATIOS = {0.0: "open loop", 0.5: "half closed", 1.0: "closed loop"}
-EPOCHS = {10_000: "10,000 epochs", 30_000: "30,000 epochs", 60_000: "60,000 epochs", 100_000: "100,000 epochs"}
+EPOCHS = {n: f"{n:,} epochs" for n in (10_000, 30_000, 60_000, 100_000)}
 GROWTH = ((0.15, 16), (0.5, 24), (1.0, 40))
 """Share of the epochs done, and the points along each side of the map until then."""
 LAST_RESOLUTION = 60
+EXPLORED_RESOLUTION = 100
+"""Of the map of a memory that is explored: a quarter of the time of the paper's, for one that may soon learn on."""
 MAX_SEED = 999_999
 
 
-class KeyframeSource(Protocol):
-    """The tab whose demonstrations are trained."""
-
-    closed: bool
-
-    @property
-    def keyframes(self) -> KeyframeSet:
-        """The demonstrations as they are now."""
-        ...
-
-
 class TrainingPanel:
-    """Trains one memory at a time for its tab."""
+    """Trains one memory at a time for its tab.
 
-    def __init__(self, tab: KeyframeSource, app_state: AppState, sessions: TrainingSessions, taught: str) -> None:
-        self.tab, self.app_state, self.sessions = tab, app_state, sessions
+    Args:
+        keyframes: Returns the demonstrations of the tab as they are now.
+        app_state: What this server shows.
+        sessions: The trainers of this server.
+        taught: Name of the trainer to go on with, or empty.
+    """
+
+    def __init__(
+        self, keyframes: Callable[[], KeyframeSet], app_state: AppState, sessions: TrainingSessions, taught: str
+    ) -> None:
+        self._keyframes, self._app_state, self._sessions = keyframes, app_state, sessions
         self.name = taught if taught and sessions.hold(taught) else ""
-        self._chart: PBMap | None = None
+        self._closed = False
         self._drawn: Memory | None = None
         self._drawing = False
         self._shown: TrainingProgress | None = None
 
     @property
     def trainer(self) -> Trainer | None:
-        """The network that learns for this tab, if one does or did."""
-        session = self.sessions.session(self.name)
-        return None if session is None else session.trainer
+        """The trainer of this tab, if there is or was one."""
+        return self._sessions.get(self.name)
 
     def close(self) -> None:
         """Hold no trainer any more."""
-        self.sessions.release(self.name)
+        self._closed = True
+        self._sessions.release(self.name)
         self.name = ""
-        self._chart = self._drawn = self._shown = None
+        self._drawn = self._shown = None
 
     def build(self) -> None:
         """Lay the panel out."""
         ui.label("Train a memory").classes("text-lg mt-4")
         with ui.row().classes("items-center gap-2"):
-            self.ratio = (
-                ui.select(RATIOS, value=0.5, label="Own prediction").props("dense options-dense").classes("w-32")
-            )
-            self.epochs = ui.select(EPOCHS, value=30_000, label="How long").props("dense options-dense").classes("w-36")
-            self.seed = (
-                ui.number("Seed", value=0, min=0, max=MAX_SEED, step=1, format="%d").props("dense").classes("w-20")
-            )
+            self.ratio = ui.select(RATIOS, value=0.5, label="Own prediction").classes("w-32")
+            self.epochs = ui.select(EPOCHS, value=30_000, label="How long").classes("w-36")
+            self.seed = ui.number("Seed", value=0, min=0, max=MAX_SEED, step=1, format="%d").classes("w-20")
+            for field in (self.ratio, self.epochs, self.seed):
+                field.props("dense options-dense")
         with ui.row().classes("items-center gap-2"):
             self.train = ui.button("Train", on_click=self._train).props("dense no-caps")
             self.stop = ui.button("Stop", on_click=self._stop).props("dense no-caps outline")
@@ -276,42 +278,41 @@ class TrainingPanel:
             self.explore = ui.button("Explore this memory", on_click=self._explore).props("dense no-caps")
             self.save = ui.button("Download memory", on_click=self._download).props("dense no-caps outline")
             ui.button("Download CSV", on_click=self._download_csv).props("dense no-caps outline")
-        self.said = ui.label("").classes("cn-said").props("role=status aria-live=polite").mark("training")
+        self.status = ui.label("").classes("cn-said").props("role=status aria-live=polite").mark("training")
         with ui.element("div").classes("cn-learning"):
             self.map = ui.html(grown_map(None), sanitize=False)  # numbers and fixed letters only
             self.loss = ui.html("", sanitize=False)
-        self.verdict = ui.column().classes("gap-0")
+        self.result = ui.column().classes("gap-0")
         self.advice = ui.column().classes("gap-0")
-        ui.timer(0.5, self._look)
+        ui.timer(0.5, self._refresh)
 
     def keyframes_changed(self) -> None:
         """Let the button say whether the set can be taught, and what would make it better."""
-        self.train.set_enabled(not shortcomings(self.tab.keyframes))
+        self.train.set_enabled(not shortcomings(self._keyframes()))
         self.advice.clear()
         with self.advice:
-            for line in advice(self.tab.keyframes)[:4]:
+            for line in advice(self._keyframes())[:4]:
                 ui.label(f"Advice: {line}.").classes("text-sm")
 
     def _train(self) -> None:
         if self.trainer is not None and self.trainer.progress.busy:
             return
-        found = shortcomings(self.tab.keyframes)
-        if found:
-            self.said.text = found[0]
+        if faults := shortcomings(self._keyframes()):
+            self.status.text = faults[0]
             return
         try:
             seed = int(min(max(float(self.seed.value or 0), 0), MAX_SEED))
             training = TrainingSettings(closed_loop_ratio=float(self.ratio.value or 0.0), seed=seed)
-            trainer = Trainer(self.tab.keyframes.demonstrations(), training, self.sessions.concurrency_limit)
+            trainer = Trainer(self._keyframes().demonstrations(), training, self._sessions.concurrency_limit)
             trainer.learn(int(self.epochs.value or 30_000))
         except (CreativeNaoError, ValueError) as error:
-            self.said.text = f"Cannot be taught: {error}"
+            self.status.text = f"Cannot be taught: {error}"
             return
-        self.sessions.release(self.name)
-        self.name = self.sessions.add(trainer)
-        self._chart = self._drawn = self._shown = None
+        self._sessions.release(self.name)
+        self.name = self._sessions.add(trainer)
+        self._drawn = self._shown = None
         self.map.content = grown_map(None)
-        self.verdict.clear()
+        self.result.clear()
         ui.navigate.history.replace(f"/teach?taught={self.name}")
 
     def _stop(self) -> None:
@@ -322,127 +323,87 @@ class TrainingPanel:
         trainer = self.trainer
         if trainer is None or trainer.progress.busy:
             return
-        progress = trainer.progress
-        further = (
-            progress.n_epochs
-            if progress.epoch < progress.n_epochs
-            else progress.epoch + int(self.epochs.value or 30_000)
-        )
+        epoch, n_epochs = trainer.progress.epoch, trainer.progress.n_epochs
         try:
-            trainer.learn(further)
+            trainer.learn(n_epochs if epoch < n_epochs else epoch + int(self.epochs.value or 30_000))
         except CreativeNaoError as error:
             ui.notify(str(error), type="negative")
-        self.verdict.clear()
+        self.result.clear()
 
-    async def _look(self) -> None:
+    async def _refresh(self) -> None:
         trainer = self.trainer
         progress = TrainingProgress() if trainer is None else trainer.progress
-        for button, wanted in (
-            (self.stop, progress.busy),
-            (self.go_on, progress.epoch > 0 and not progress.busy and progress.phase != "failed"),
-            (self.explore, progress.memory is not None and not progress.busy),
-            (self.save, progress.memory is not None and not progress.busy),
-        ):
-            button.set_visibility(wanted)
+        learned = progress.memory is not None and not progress.busy
         self.train.set_visibility(not progress.busy)
+        self.stop.set_visibility(progress.busy)
+        self.go_on.set_visibility(progress.epoch > 0 and not progress.busy and progress.phase != "failed")
+        self.explore.set_visibility(learned)
+        self.save.set_visibility(learned)
         if trainer is None or progress is self._shown:
             return
         self._shown = progress
-        self.said.text = words(progress)
+        self.status.text = str(progress)
         self.loss.content = loss_svg(progress.curve, progress.n_epochs)
         if progress.memory is not None and progress.memory is not self._drawn and not self._drawing:
-            await self._grow(progress, progress.memory)
+            await self._draw(progress, progress.memory)
 
-    async def _grow(self, progress: TrainingProgress, memory: Memory) -> None:
+    async def _draw(self, progress: TrainingProgress, memory: Memory) -> None:
+        """Draw the map of what is learned so far and, at the end, say which demonstrations come back."""
         self._drawing = True
         try:
             share = progress.epoch / max(progress.n_epochs, 1)
             size = next((n for limit, n in GROWTH if share < limit), LAST_RESOLUTION)
-            chart = await run.io_bound(pb_map, memory, size if progress.busy else LAST_RESOLUTION)
-            ended = None if progress.busy else await run.io_bound(reproduction, memory)
+            pb_map = await run.io_bound(maps.pb_map, memory, size if progress.busy else LAST_RESOLUTION)
+            distances = None if progress.busy else await run.io_bound(reproduction, memory)
         finally:
             self._drawing = False
-        if chart is None or self.tab.closed:
+        if pb_map is None or self._closed:
             return
-        self._chart, self._drawn = chart, memory
-        self.map.content = grown_map(chart)
-        if ended is not None:
-            self._judge(memory.demonstrations, ended)
-
-    def _judge(self, demonstrations: Demonstrations, distances: list[float]) -> None:
+        self._drawn = memory
+        self.map.content = grown_map(pb_map)
+        if distances is None:
+            return
         threshold = Criteria().learned_threshold
-        back = sum(one <= threshold for one in distances)
-        self.verdict.clear()
-        with self.verdict:
+        back = sum(distance <= threshold for distance in distances)
+        self.result.clear()
+        with self.result:
             ui.label(f"{back} of {len(distances)} demonstrations come back within {threshold:g} rad (DTW).")
-            for place, (name, one) in enumerate(zip(demonstrations.names, distances, strict=True)):
-                ui.label(f"{action_letter(place)} {spoken(name)}: {one:.1f}").classes("text-sm")
+            for place, (name, distance) in enumerate(zip(memory.demonstrations.names, distances, strict=True)):
+                ui.label(f"{action_letter(place)} {spoken(name)}: {distance:.1f}").classes("text-sm")
 
     async def _explore(self) -> None:
-        session, name = self.sessions.session(self.name), self.name
-        memory = None if session is None else session.trainer.progress.memory
-        if session is None or memory is None:
+        trainer, name = self.trainer, self.name
+        memory = None if trainer is None else trainer.progress.memory
+        if trainer is None or memory is None:
             return
-        session.app_state = await run.io_bound(taught_app_state, memory, self.app_state, name)
-        if session.app_state is not None and not self.tab.closed:
+        registry = await run.io_bound(MemoryRegistry, [memory], EXPLORED_RESOLUTION)
+        if registry is not None and not self._closed:
+            registry.start()
+            trainer.app_state = dataclasses.replace(self._app_state, registry=registry, agent_points=None, taught=name)
             ui.navigate.to(f"/?taught={name}")
 
     async def _download(self) -> None:
         memory = None if self.trainer is None else self.trainer.progress.memory
         if memory is not None:
-            made = await run.io_bound(memory_file, memory)
-            if made is not None:
-                ui.download.content(made, "taught.safetensors")
+            content = await run.io_bound(_memory_file, memory)
+            if content is not None:
+                ui.download.content(content, "taught.safetensors")
 
     async def _download_csv(self) -> None:
-        made = await run.io_bound(csv_archive, self.tab.keyframes.demonstrations())
-        if made is not None:
-            ui.download.content(made, "demonstrations.zip")
+        content = await run.io_bound(_csv_archive, self._keyframes().demonstrations())
+        if content is not None:
+            ui.download.content(content, "demonstrations.zip")
 
 
-def words(progress: TrainingProgress) -> str:
-    """Return how far an trainer is, in words."""
-    if progress.phase == "failed":
-        return f"Training failed: {progress.failure}"
-    if progress.phase == "waiting":
-        return "Waiting for another training on this machine to end ..."
-    if not len(progress.curve):
-        return "Beginning ..."
-    loss = f"loss {progress.curve[-1, 1]:.3g}"
-    if progress.phase == "learning":
-        left = (progress.n_epochs - progress.epoch) / max(progress.epochs_per_s, 1e-9)
-        return f"Learning: epoch {progress.epoch:,} of {progress.n_epochs:,}, {loss}, about {left:.0f} s left"
-    end = "Learned" if progress.phase == "finished" else "Stopped"
-    return f"{end}: {progress.epoch:,} epochs, {loss}"
-
-
-def memory_file(memory: Memory) -> bytes:
-    """Return a memory as the bytes of its file."""
+def _memory_file(memory: Memory) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         return memory.save(Path(folder) / "taught.safetensors").read_bytes()
 
 
-def csv_archive(demonstrations: Demonstrations) -> bytes:
-    """Return demonstrations as a ZIP archive of CSV files that `creative-nao train --demonstrations` takes unpacked."""
+def _csv_archive(demonstrations: Demonstrations) -> bytes:
+    """Return a ZIP archive of CSV files that `creative-nao train --demonstrations` takes unpacked."""
     stream = io.BytesIO()
     with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(save_demonstrations(folder, demonstrations).iterdir()):
             archive.write(path, f"demonstrations/{path.name}")
     return stream.getvalue()
-
-
-RESOLUTION = 100
-"""Points along each side of its map: a quarter of the time of the paper's, for a memory that may soon learn on."""
-
-
-def taught_app_state(memory: Memory, shown: AppState, key: str) -> AppState:
-    """Return an app_state of a taught memory with the robot and the favourites of another one.
-
-    Args:
-        memory: What was taught.
-        shown: The app_state of this server.
-        key: Name of the trainer in the `TrainingSessions`, for the page's address.
-    """
-    registry = MemoryRegistry([memory], RESOLUTION)
-    registry.start()
-    return dataclasses.replace(shown, registry=registry, agent_points=None, taught=key)

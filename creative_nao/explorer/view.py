@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
+
+from creative_nao.maps.picture import GridMap
 
 SIZE = 600
 """Pixels of a map along each side, whatever it shows."""
@@ -17,20 +18,6 @@ ALL = 2.0
 """Width of the PB space."""
 
 
-class Grid(Protocol):
-    """Points on a square grid, such as a `PBMap`."""
-
-    @property
-    def resolution(self) -> int:
-        """Points along each axis."""
-        ...
-
-    @property
-    def pb(self) -> np.ndarray:
-        """The points, shape (resolution^2, 2), the first PB unit fastest."""
-        ...
-
-
 @dataclass(frozen=True)
 class View:
     """A square of the PB space.
@@ -38,7 +25,7 @@ class View:
     Attributes:
         left: Lowest value of the first PB unit.
         bottom: Lowest value of the second.
-        width: Length of its memory_panels.
+        width: Length of its sides.
     """
 
     left: float
@@ -47,12 +34,12 @@ class View:
 
     @classmethod
     def whole(cls, resolution: int) -> View:
-        """Return what a map of the whole PB space covers: its cells are squares round the points of its grid."""
+        """Return what a map of the whole PB space covers: its cells are squares around the points of its grid."""
         half_cell = 1 / (resolution - 1)
         return cls(-1 - half_cell, -1 - half_cell, ALL + 2 * half_cell)
 
     @classmethod
-    def of(cls, grid: Grid) -> View:
+    def of(cls, grid: GridMap) -> View:
         """Return what a grid of cells covers."""
         cell = float(grid.pb[1, 0] - grid.pb[0, 0])
         return cls(float(grid.pb[0, 0]) - cell / 2, float(grid.pb[0, 1]) - cell / 2, cell * grid.resolution)
@@ -64,11 +51,9 @@ class View:
 
     def to_pb(self, x: float, y: float) -> tuple[float, float]:
         """Return the PB point under a pixel, in [-1, 1]; y goes down, PB 2 up."""
-
-        def one(low: float, share: float) -> float:
-            return round(min(1.0, max(-1.0, low + share * self.width)), self.digits)
-
-        return one(self.left, x / SIZE), one(self.bottom, 1 - y / SIZE)
+        raw = self.left + x / SIZE * self.width, self.bottom + (1 - y / SIZE) * self.width
+        pb_1, pb_2 = (round(min(1.0, max(-1.0, value)), self.digits) for value in raw)
+        return pb_1, pb_2
 
     def to_pixel(self, pb: Sequence[float]) -> tuple[float, float]:
         """Return the pixel of a PB point: the reverse of `to_pb`; it may lie outside."""
@@ -80,49 +65,44 @@ class View:
 
     def within(self, other: View) -> bool:
         """Tell whether all of it lies in another."""
-        slack = 1e-9
-        return all(
-            low >= other_low - slack and low + self.width <= other_low + other.width + slack
-            for low, other_low in ((self.left, other.left), (self.bottom, other.bottom))
-        )
+        offsets = self.left - other.left, self.bottom - other.bottom
+        return all(-1e-9 <= offset <= other.width - self.width + 1e-9 for offset in offsets)
 
     def grid(self, n: int) -> np.ndarray:
-        """Return the middles of `n` x `n` cells, shape (n^2, 2), in the order of `pb_space.pb_grid`."""
+        """Return the middles of `n` x `n` cells, shape (n^2, 2), in the order of `maps.pb_grid`."""
         steps = (np.arange(n) + 0.5) * (self.width / n)
         first, second = np.meshgrid(self.left + steps, self.bottom + steps, indexing="xy")
         return np.clip(np.stack([first, second], axis=-1).reshape(-1, 2), -1.0, 1.0)
 
-    def cells(self, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    def cells(self, grid: GridMap) -> tuple[np.ndarray, np.ndarray]:
         """Return which row and which column of a grid lies under each pixel row and column, twice shape (SIZE,)."""
-        drawn = View.of(grid)
+        drawn, n = View.of(grid), grid.resolution
         middle = (np.arange(SIZE) + 0.5) / SIZE
-
-        def one(low: float, drawn_low: float, share: np.ndarray) -> np.ndarray:
-            cell = np.floor((low + share * self.width - drawn_low) / drawn.width * grid.resolution)
-            return np.clip(cell.astype(np.int64), 0, grid.resolution - 1)
-
-        return one(self.bottom, drawn.bottom, 1 - middle), one(self.left, drawn.left, middle)
+        up = self.bottom + (1 - middle) * self.width - drawn.bottom
+        across = self.left + middle * self.width - drawn.left
+        rows, columns = (np.clip(np.floor(way / drawn.width * n).astype(np.int64), 0, n - 1) for way in (up, across))
+        return rows, columns
 
     def zoomed(self, factor: float, around: Sequence[float]) -> View | None:
         """Return the view `factor` times nearer round a PB point that keeps its place; None is the whole map."""
         width = max(min(self.width, ALL) / factor, SMALLEST)
         if width >= ALL:
             return None
-
-        def one(low: float, middle: float) -> float:
-            return min(max(middle - (middle - low) * width / self.width, -1.0), 1.0 - width)
-
-        return View(one(self.left, around[0]), one(self.bottom, around[1]), width)
+        left, bottom = (
+            min(max(pb - (pb - low) * width / self.width, -1.0), 1.0 - width)
+            for pb, low in zip(around, (self.left, self.bottom), strict=True)
+        )
+        return View(left, bottom, width)
 
     def following(self, pb: Sequence[float]) -> View:
         """Return the view itself if it shows a PB point, else one as wide with the point in its middle."""
         if self.shows(pb):
             return self
-        low = [min(max(value - self.width / 2, -1.0), 1.0 - self.width) for value in pb]
-        return View(low[0], low[1], self.width)
+        left, bottom = (min(max(value - self.width / 2, -1.0), 1.0 - self.width) for value in pb)
+        return View(left, bottom, self.width)
 
 
-def cell_of(grid: Grid, pb: Sequence[float]) -> int:
+def cell_of(grid: GridMap, pb: Sequence[float]) -> int:
     """Return the index of the cell of a grid that a PB point lies in, or is nearest to."""
     drawn, n = View.of(grid), grid.resolution
     column, row = (

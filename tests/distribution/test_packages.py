@@ -32,6 +32,7 @@ ASSETS = {
     "page templates": (4, "creative_nao/evaluation/templates/*.jinja"),
     "models of robot, bag, ring and scene": (4, "creative_nao/robot/*.xml"),
     "sources of the robot's figures": (1, "creative_nao/robot/nao_sources.csv"),
+    "explorer templates": (8, "creative_nao/explorer/templates/*.jinja"),
     "explorer files": (6, "creative_nao/explorer/static/*"),
     "mark of typed packages": (1, "creative_nao/py.typed"),
 }

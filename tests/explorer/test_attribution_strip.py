@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from creative_nao.explorer import MemoryService
-from creative_nao.explorer.memory_service import attribute, sentence, strip_html
+from creative_nao.explorer.markup import strip_html
+from creative_nao.explorer.memory_service import attribute, sentence
 from creative_nao.model import load_memory
 
 
@@ -19,7 +20,7 @@ def service():
 def joined(service):
     """A left jab that goes on as a right uppercut."""
     jab, uppercut = (service.memory.demonstrations.trajectories[place] for place in (0, 5))
-    return service.judge(np.zeros((1, 2)), np.concatenate([jab[:25], uppercut[25:]]))
+    return service.evaluate(np.zeros((1, 2)), np.concatenate([jab[:25], uppercut[25:]]))
 
 
 def test_a_movement_joined_of_two_is_read_as_the_two(service):

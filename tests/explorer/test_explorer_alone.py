@@ -9,13 +9,12 @@ import pytest
 from conftest import PHYSICAL
 from PIL import Image
 
+from creative_nao import maps
 from creative_nao.cli import main
 from creative_nao.envs.physical_map import PhysicalMap
-from creative_nao.explorer.colours import NAMES, cell_colours, figure_of_body, is_number, is_of_body
-from creative_nao.explorer.map_pane import map_picture
+from creative_nao.explorer.colours import NAMES, cell_colours, is_number, is_physical, map_picture, physical_figure
 from creative_nao.explorer.static_export import texture_address
 from creative_nao.explorer.view import SIZE
-from creative_nao.maps import colour_values, pb_map
 from creative_nao.measures import attribution, score
 from creative_nao.model import load_memory
 
@@ -91,52 +90,52 @@ def test_it_answers_pointer_and_keys_and_the_robot_plays(page):
 
 
 @pytest.fixture(scope="module")
-def charts():
-    return pb_map(load_memory("half/0"), 20), PhysicalMap.load(PHYSICAL)
+def drawn_maps():
+    return maps.pb_map(load_memory("half/0"), 20), PhysicalMap.load(PHYSICAL)
 
 
-def numbers(chart, name):
+def numbers(pb_map, name):
     if not is_number(name):
         return None
-    return figure_of_body(chart, name) if is_of_body(name) else colour_values(chart, name)[0]
+    return physical_figure(pb_map, name) if is_physical(name) else maps.colour_values(pb_map, name)[0]
 
 
 SHOWN = """(name) => document.getElementById("legend").dataset.of === name"""
 
 
-def test_it_has_every_colouring_of_the_served_page(page, charts):
+def test_it_has_every_colouring_of_the_served_page(page, drawn_maps):
     assert page.locator("#colour option").evaluate_all("all => all.map((one) => one.value)") == list(NAMES)
     assert page.locator("#colour option").all_inner_texts() == list(NAMES.values())
     for name in NAMES:
         page.locator("#colour").select_option(name)
         page.wait_for_function(SHOWN, arg=name)
-        chart = charts[is_of_body(name)]
-        n = chart.resolution
+        pb_map = drawn_maps[is_physical(name)]
+        n = pb_map.resolution
         painted = page.evaluate(
             "() => { const c = document.getElementById('cells');"
             "return [...c.getContext('2d').getImageData(0, 0, c.width, c.height).data] }"
         )
         painted = np.reshape(painted, (n, n, 4))[::-1, :, :3] / 255
-        error = np.abs(painted - cell_colours(chart, name, numbers(chart, name)))
+        error = np.abs(painted - cell_colours(pb_map, name, numbers(pb_map, name)))
         assert error.max() < 0.06, name  # a step of the scale, or of 256 colours
         assert error.mean() < 0.006, name
 
 
-def test_the_colour_under_the_cursor_is_told_as_a_number(page, charts):
-    chart, _ = charts
+def test_the_colour_under_the_cursor_is_told_as_a_number(page, drawn_maps):
+    pb_map, _ = drawn_maps
     box = page.locator("#map").bounding_box()
     for name in ("speed", "ruggedness", "outcome"):
         page.locator("#colour").select_option(name)
         page.wait_for_function(SHOWN, arg=name)
-        values = numbers(chart, name)
+        values = numbers(pb_map, name)
         for cell in (21, 110, 138, 239, 377):
-            x, y = (chart.pb[cell] * (1, -1) + 1) / 2
+            x, y = (pb_map.pb[cell] * (1, -1) + 1) / 2
             page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
             said = page.locator("#here").inner_text()
             if values is None:
                 assert said == ""
-            elif chart.appropriate[cell]:
-                usable = values[chart.appropriate]
+            elif pb_map.appropriate[cell]:
+                usable = values[pb_map.appropriate]
                 assert float(said.split(": ")[-1]) == pytest.approx(values[cell], abs=0.01 * np.ptp(usable))
             else:
                 assert said.endswith(": none, the movement cannot be used")
@@ -156,16 +155,16 @@ def test_colours_are_chosen_with_keys_and_the_legend_follows(page):
     assert "DTW distance to the nearest basic action [rad]" in page.locator("#legend").inner_text()
 
 
-def test_what_lies_over_the_colours_is_that_of_the_served_map(charts):
+def test_what_lies_over_the_colours_is_that_of_the_served_map(drawn_maps):
     """Colours below, hatching and borders above: together the picture that the server draws."""
-    for chart in charts:
-        n = chart.resolution
-        below = Image.fromarray(np.round(255 * cell_colours(chart, "outcome")[::-1]).astype(np.uint8))
+    for pb_map in drawn_maps:
+        n = pb_map.resolution
+        below = Image.fromarray(np.round(255 * cell_colours(pb_map, "outcome")[::-1]).astype(np.uint8))
         below = below.resize((SIZE, SIZE), Image.Resampling.NEAREST).convert("RGBA")
-        above = Image.open(BytesIO(b64decode(texture_address(chart).split(",")[1]))).convert("RGBA")
+        above = Image.open(BytesIO(b64decode(texture_address(pb_map).split(",")[1]))).convert("RGBA")
         together = np.asarray(Image.alpha_composite(below, above).convert("RGB")).astype(int)
         assert SIZE % n == 0
-        assert np.abs(together - np.asarray(map_picture(chart, "outcome"))).max() <= 2
+        assert np.abs(together - np.asarray(map_picture(pb_map, "outcome"))).max() <= 2
 
 
 @pytest.mark.slow

@@ -7,15 +7,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from creative_nao import maps
 from creative_nao.cli import main
 from creative_nao.envs.physical_map import PhysicalMap
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.explorer import colours
-from creative_nao.explorer.colours import PATTERNS, Computation, Measurements, finer_map, legend_html, measured, sample
-from creative_nao.explorer.map_pane import map_picture
-from creative_nao.explorer.registry import check_physical, physical_map_of
+from creative_nao.explorer.colours import PATTERNS, map_picture, sample
+from creative_nao.explorer.markup import legend_html
+from creative_nao.explorer.registry import (
+    Computation,
+    LoadedMemory,
+    check_physical,
+    finer_map,
+    measured,
+    physical_map_of,
+)
 from creative_nao.explorer.view import SIZE, View
-from creative_nao.maps import COLOURINGS, colour_values, pb_map
 from creative_nao.maps.figure_style import UNUSABLE
 from creative_nao.model import load_memory
 
@@ -29,11 +36,11 @@ def memory():
 
 @pytest.fixture(scope="module")
 def full(memory):
-    return pb_map(memory, 24)
+    return maps.pb_map(memory, 24)
 
 
 @pytest.fixture(scope="module")
-def chart(full, tmp_path_factory):
+def pb_map(full, tmp_path_factory):
     """Return the map as the page has it: read from a file, without movements."""
     return type(full).load(full.save(tmp_path_factory.mktemp("map") / "map.npz"))
 
@@ -43,58 +50,59 @@ def physical():
     return PhysicalMap.load(RESULTS / "half_0.npz")
 
 
-@pytest.mark.parametrize("colour", COLOURINGS)
-def test_a_number_worked_out_on_demand_is_that_of_the_command(memory, full, chart, colour):
+@pytest.mark.parametrize("colour", maps.COLOURINGS)
+def test_a_number_worked_out_on_demand_is_that_of_the_command(memory, full, pb_map, colour):
     work = Computation()
-    found = measured(memory, chart, colour, chart, work)
-    np.testing.assert_array_equal(found, colour_values(full, colour)[0])
+    found = measured(memory, pb_map, colour, pb_map, work)
+    np.testing.assert_array_equal(found, maps.colour_values(full, colour)[0])
     assert colour == "unexpectedness" or work.share == 1.0
 
 
-def test_work_called_off_gives_nothing_and_is_done_again(memory, chart):
+def test_work_called_off_gives_nothing_and_is_done_again(memory, pb_map):
     work = Computation()
-    work.cancel()
-    numbers = Measurements(memory)
-    assert numbers.values(chart, "speed", work) is None
-    assert numbers.known(chart, "speed") is None
-    found = numbers.values(chart, "speed", Computation())
-    assert numbers.known(chart, "speed") is found
-    assert finer_map(memory, chart, View(0, 0, 0.5), 10, "nearest", work) is None
+    work.cancelled = True
+    loaded = LoadedMemory(memory, resolution=8)
+    assert loaded.numbers(pb_map, "speed", work) is None
+    assert loaded.known(pb_map, "speed") is None
+    found = loaded.numbers(pb_map, "speed", Computation())
+    assert loaded.known(pb_map, "speed") is found
+    assert finer_map(memory, pb_map, View(0, 0, 0.5), 10, "nearest", work) is None
 
 
 @pytest.mark.parametrize("colour", colours.NAMES)
-def test_every_colouring_draws_the_whole_map_and_has_a_legend(memory, chart, physical, colour):
-    drawn = physical if colours.is_of_body(colour) else chart
-    values = span = scale = None
+def test_every_colouring_draws_the_whole_map_and_has_a_legend(memory, pb_map, physical, colour):
+    drawn = physical if colours.is_physical(colour) else pb_map
+    values = span = None
     if colours.is_number(colour):
-        of_body = colours.is_of_body(colour)
+        of_body = colours.is_physical(colour)
         values = (
-            colours.figure_of_body(physical, colour)
+            colours.physical_figure(physical, colour)
             if of_body
-            else measured(memory, chart, colour, chart, Computation())
+            else measured(memory, pb_map, colour, pb_map, Computation())
         )
-        span = colours.spans([drawn], [values])
-        scale = colours.Scale(colours.scale_label(colour), *span)
+        span = colours.shared_span([(drawn, values)])
     picture = np.asarray(map_picture(drawn, colour, None, values, span))
     assert picture.shape == (SIZE, SIZE, 3)
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 3
-    legend = legend_html(drawn, colour, scale)
+    legend = legend_html(drawn, colour, span)
     assert "A left jab" in legend
     assert f"too fast for the motors {drawn.share_pct('fluctuating'):.1f} %" in legend
-    if scale is not None:
-        assert f"<span>{scale.low:.3g}</span>" in legend
-        assert re.search(r"\[\w.*\]|\d", scale.label) or "share" in scale.label or "hits" in scale.label
+    if span is not None:
+        label = colours.scale_label(colour)
+        assert f"<span>{span[0]:.3g}</span>" in legend
+        assert f"<span>{label}</span>" in legend
+        assert re.search(r"\[\w.*\]|\d", label) or "share" in label or "hits" in label
 
 
-def test_an_unknown_colouring_names_the_nearest(chart):
+def test_an_unknown_colouring_names_the_nearest(pb_map):
     with pytest.raises(NotFoundError, match="did you mean `novelty`"):
-        map_picture(chart, "noveltie")
+        map_picture(pb_map, "noveltie")
 
 
-def test_two_maps_share_one_scale(memory, chart):
-    other = pb_map(load_memory("closed/0"), 24)
-    low, high = colours.spans([chart, other], [chart.distance, other.distance])
-    usable = np.concatenate([one.distance[one.appropriate] for one in (chart, other)])
+def test_two_maps_share_one_scale(memory, pb_map):
+    other = maps.pb_map(load_memory("closed/0"), 24)
+    low, high = colours.shared_span([(pb_map, pb_map.distance), (other, other.distance)])
+    usable = np.concatenate([one.distance[one.appropriate] for one in (pb_map, other)])
     assert (low, high) == (usable.min(), usable.max())
 
 
@@ -104,34 +112,34 @@ def test_every_unusable_outcome_has_a_pattern_of_its_own():
     assert len({mask.tobytes() for mask in drawn.values()}) == len(PATTERNS)
 
 
-def test_names_from_a_file_cannot_write_html(chart):
+def test_names_from_a_file_cannot_write_html(pb_map):
     from dataclasses import replace
 
-    evil = replace(chart, names=("<script>x</script>", *chart.names[1:]))
+    evil = replace(pb_map, names=("<script>x</script>", *pb_map.names[1:]))
     assert "<script>" not in legend_html(evil, "nearest")
     assert "<script>" not in legend_html(evil, "outcome")
 
 
 @pytest.mark.parametrize("colour", ["nearest", "speed", "unexpectedness"])
-def test_finer_cells_are_what_the_memory_makes_there(memory, chart, colour):
+def test_finer_cells_are_what_the_memory_makes_there(memory, pb_map, colour):
     view = View(0.1, -0.3, 0.2)
-    sheet = finer_map(memory, chart, view, 6, colour, Computation())
-    np.testing.assert_array_equal(sheet.chart.pb, view.grid(6))
-    assert sheet.chart.trajectories is None
+    finer = finer_map(memory, pb_map, view, 6, colour, Computation())
+    np.testing.assert_array_equal(finer.pb_map.pb, view.grid(6))
+    assert finer.pb_map.trajectories is None
     from creative_nao.measures import largest_speeds, score, unexpectedness
 
     made = memory.generate(view.grid(6))
     scores = score(made, memory.demonstrations)
-    assert sheet.chart.outcome.tolist() == scores.outcome.tolist()
-    np.testing.assert_array_equal(sheet.chart.distance, scores.novelty)
+    assert finer.pb_map.outcome.tolist() == scores.outcome.tolist()
+    np.testing.assert_array_equal(finer.pb_map.distance, scores.novelty)
     expected = {
         "nearest": None,
         "speed": largest_speeds(made, memory.dt_s).max(axis=1),
-        "unexpectedness": unexpectedness(scores.novelty, chart.distance[chart.appropriate]),
+        "unexpectedness": unexpectedness(scores.novelty, pb_map.distance[pb_map.appropriate]),
     }[colour]
-    assert (colour in sheet.values) == (expected is not None)
+    assert (colour in finer.values) == (expected is not None)
     if expected is not None:
-        np.testing.assert_array_equal(sheet.values[colour], expected)
+        np.testing.assert_array_equal(finer.values[colour], expected)
 
 
 def test_a_physical_map_belongs_to_its_memory(memory, physical, tmp_path):

@@ -6,17 +6,18 @@ import re
 import numpy as np
 import pytest
 
+from creative_nao import maps
 from creative_nao.cli.explore import choices
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError
 from creative_nao.exchange import FORMATS
-from creative_nao.explorer import MemoryService, cached_map, panels
-from creative_nao.explorer.map_pane import overlay
-from creative_nao.explorer.memory_service import as_coordinate, curves_svg, describe
+from creative_nao.explorer import MemoryService, cached_map
+from creative_nao.explorer.markup import curves_svg, marks_svg
+from creative_nao.explorer.memory_service import as_coordinate, describe, less_like, more_like, surprise
+from creative_nao.explorer.page import export, read_upload
 from creative_nao.explorer.registry import cache_path, content_hash
 from creative_nao.explorer.server import is_welcome
 from creative_nao.explorer.state import Favourite, Session
 from creative_nao.explorer.view import View
-from creative_nao.maps import pb_map
 from creative_nao.model import load_memory
 
 
@@ -26,8 +27,8 @@ def service():
 
 
 @pytest.fixture(scope="module")
-def chart(service):
-    return pb_map(service.memory, 20)
+def pb_map(service):
+    return maps.pb_map(service.memory, 20)
 
 
 def test_a_recall_is_what_the_memory_generates(service):
@@ -39,8 +40,8 @@ def test_a_recall_is_what_the_memory_generates(service):
         service.recall(np.array([[np.nan, 0.0]]))
 
 
-def test_words_tell_why_a_movement_is_inappropriate(service, chart):
-    fast = chart.pb[chart.outcome == "fluctuating"][:1]
+def test_words_tell_why_a_movement_is_inappropriate(service, pb_map):
+    fast = pb_map.pb[pb_map.outcome == "fluctuating"][:1]
     text = describe(service.recall(fast), service)
     assert "inappropriate, too fast for the motors" in text
     speed, limit = map(float, re.search(r"reaches ([\d.]+) rad/s at [\d.]+ s, the limit is ([\d.]+)", text).groups())
@@ -50,8 +51,8 @@ def test_words_tell_why_a_movement_is_inappropriate(service, chart):
     )
 
 
-def test_overspeed_is_marked_in_the_curves(service, chart):
-    assert "cn-overspeed" in curves_svg(service.recall(chart.pb[chart.outcome == "fluctuating"][:1]), service)
+def test_overspeed_is_marked_in_the_curves(service, pb_map):
+    assert "cn-overspeed" in curves_svg(service.recall(pb_map.pb[pb_map.outcome == "fluctuating"][:1]), service)
     calm = curves_svg(service.recall(service.memory.pb[:1]), service)
     assert "cn-overspeed" not in calm
     assert calm.count("<svg") == 8
@@ -68,52 +69,52 @@ def test_the_cached_map_is_the_computed_one_and_a_torn_file_is_computed_again(se
     assert content_hash(service.memory) != content_hash(load_memory("half/1"))
 
 
-def test_the_overlay_has_a_letter_for_each_action_and_a_line_for_a_path(chart):
-    whole = View.of(chart)
+def test_the_marks_have_a_letter_for_each_action_and_a_line_for_a_path(pb_map):
+    whole = View.of(pb_map)
     points = np.array([[0.0, 0.0], [0.5, 0.5]])
-    svg = overlay(whole, chart.learned_pb, points, agent_points=np.zeros((3, 2)))
+    svg = marks_svg(whole, pb_map.learned_pb, points, agent_points=np.zeros((3, 2)))
     assert [f">{letter}</text>" in svg for letter in "ABCDEF"] == [True] * 6
     assert svg.count("<polyline") == 2
     assert svg.count('r="4"') == 3
-    near = View(*(chart.learned_pb[2] - 0.01), 0.02)
-    svg = overlay(near, chart.learned_pb, points, agent_points=np.zeros((3, 2)))
+    near = View(*(pb_map.learned_pb[2] - 0.01), 0.02)
+    svg = marks_svg(near, pb_map.learned_pb, points, agent_points=np.zeros((3, 2)))
     assert svg.count("</text>") == 1
     assert '<text x="300.0" y="300.0"' in svg
     assert 'r="4"' not in svg
 
 
-def test_a_surprise_is_new_and_appropriate(chart):
+def test_a_surprise_is_new_and_appropriate(pb_map):
     rng = np.random.default_rng(0)
     for find in (
-        lambda: panels.surprise(chart, rng),
-        lambda: panels.more_like(chart, np.array([[0.3, 0.3]]), rng),
-        lambda: panels.less_like(chart, np.array([[0.3, 0.3]]), rng),
+        lambda: surprise(pb_map, rng),
+        lambda: more_like(pb_map, np.array([[0.3, 0.3]]), rng),
+        lambda: less_like(pb_map, np.array([[0.3, 0.3]]), rng),
     ):
-        cell = int(np.flatnonzero((chart.pb == find()).all(axis=1))[0])
-        assert chart.outcome[cell] in ("learned", "unlearned")
-    near = np.linalg.norm(panels.more_like(chart, np.array([[0.3, 0.3]]), rng) - 0.3)
-    assert near < np.linalg.norm(panels.less_like(chart, np.array([[0.3, 0.3]]), rng) - 0.3)
-    again = [panels.surprise(chart, np.random.default_rng(5)).tolist() for _ in range(2)]
+        cell = int(np.flatnonzero((pb_map.pb == find()).all(axis=1))[0])
+        assert pb_map.outcome[cell] in ("learned", "unlearned")
+    near = np.linalg.norm(more_like(pb_map, np.array([[0.3, 0.3]]), rng) - 0.3)
+    assert near < np.linalg.norm(less_like(pb_map, np.array([[0.3, 0.3]]), rng) - 0.3)
+    again = [surprise(pb_map, np.random.default_rng(5)).tolist() for _ in range(2)]
     assert again[0] == again[1]
 
 
 @pytest.mark.parametrize("format_name", FORMATS)
 def test_every_format_goes_out_and_comes_back(service, format_name):
     recall = service.recall(service.memory.pb[:1])
-    name, content, _ = panels.export(recall, service, format_name)
-    back = panels.read_upload(name, content, service.memory.dt_s)
+    name, content, _ = export(recall, service, format_name)
+    back = read_upload(name, content, service.memory.dt_s)
     start = len(back.motion.angles) - len(
         recall.trajectory
     )  # formats for robots begin with the way to the first posture
     assert start >= 0
-    assert panels.read_upload(f"../../{name}", content, service.memory.dt_s).format == format_name
+    assert read_upload(f"../../{name}", content, service.memory.dt_s).format == format_name
 
 
 def test_an_upload_too_large_or_foreign_is_refused():
     with pytest.raises(FileFormatError, match="may have 2000000 bytes"):
-        panels.read_upload("a.csv", b"x" * 2_000_001, 0.15)
+        read_upload("a.csv", b"x" * 2_000_001, 0.15)
     with pytest.raises(FileFormatError, match=r"recording\.csv"):
-        panels.read_upload("/etc/passwd", b"root:x:0:0", 0.15)
+        read_upload("/etc/passwd", b"root:x:0:0", 0.15)
 
 
 def test_favourites_survive_and_a_foreign_file_is_refused(tmp_path):

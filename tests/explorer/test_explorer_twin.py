@@ -141,7 +141,7 @@ def test_one_memory_or_two_different_ones(names, capsys):
     assert "--html writes one memory, but got half/0 and open/0" in capsys.readouterr().err
 
 
-def test_the_shelf_gives_only_what_it_names(monkeypatch, tmp_path):
+def test_the_registry_gives_only_what_it_names(monkeypatch, tmp_path):
     monkeypatch.setenv("CREATIVE_NAO_CACHE", str(tmp_path))
     registry = MemoryRegistry([load_memory("half/0")], resolution=8)
     assert (registry.beside, registry.names[0], "open/0" in registry.names) == ("", "half/0", True)
@@ -151,7 +151,7 @@ def test_the_shelf_gives_only_what_it_names(monkeypatch, tmp_path):
         registry.get("opn/0")
     with pytest.raises(NotFoundError):
         registry.get(str(tmp_path))
-    assert registry.get("open/0").progressive_map.finished.wait(60)
+    assert registry.get("open/0").finished.wait(60)
 
 
 def test_a_favourite_remembers_which_memory_stood_beside(tmp_path):

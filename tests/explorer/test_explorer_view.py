@@ -3,15 +3,16 @@
 import numpy as np
 import pytest
 
+from creative_nao import maps
 from creative_nao.explorer.state import PageAddress, page_address
 from creative_nao.explorer.view import SIZE, SMALLEST, View, cell_of
-from creative_nao.maps import nearest_cell, pb_grid, pb_map
+from creative_nao.maps import nearest_cell, pb_grid
 from creative_nao.model import load_memory
 
 
 @pytest.fixture(scope="module")
-def chart():
-    return pb_map(load_memory("half/0"), 20)
+def pb_map():
+    return maps.pb_map(load_memory("half/0"), 20)
 
 
 @pytest.mark.parametrize("view", [View.whole(200), View(0.1, -0.4, 0.25), View(-1.0, 0.998, SMALLEST)])
@@ -22,14 +23,14 @@ def test_pixels_and_pb_points_are_each_others_reverse(view):
     assert View.whole(200).to_pb(0, 0) == (-1.0, 1.0)
 
 
-def test_the_whole_view_shows_every_cell_of_the_grid(chart):
-    rows, columns = View.whole(20).cells(chart)
+def test_the_whole_view_shows_every_cell_of_the_grid(pb_map):
+    rows, columns = View.whole(20).cells(pb_map)
     assert rows[0] == 19
     assert columns[0] == 0
     assert [np.unique(one, return_counts=True)[1].tolist() for one in (rows, columns)] == [[SIZE // 20] * 20] * 2
-    assert View.of(chart).left == pytest.approx(View.whole(20).left)
+    assert View.of(pb_map).left == pytest.approx(View.whole(20).left)
     points = np.random.default_rng(0).uniform(-1, 1, (50, 2))
-    assert [cell_of(chart, pb) for pb in points] == nearest_cell(points, 20).tolist()
+    assert [cell_of(pb_map, pb) for pb in points] == nearest_cell(points, 20).tolist()
 
 
 def test_the_cells_of_a_window_lie_within_it():

@@ -89,18 +89,22 @@ def test_what_cannot_be_learned_is_said_in_one_line():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda d: d.renamed("../../etc/passwd"), "a name should be a letter"),
-        (lambda d: d.renamed("x" * 25), "a name should be a letter"),
-        (lambda d: d.renamed(""), "a name should be a letter"),
+        (lambda d: Draft("../../etc/passwd", d.keys), "`name` should be a letter"),
+        (lambda d: Draft("x" * 25, d.keys), "`name` should be a letter"),
+        (lambda d: Draft("", d.keys), "`name` should be a letter"),
         (lambda d: d.at_time(1, 1.48), "follow each other by 0.05 s or more"),
         (lambda d: d.at_time(2, 12.5), "end by 12 s"),
         (lambda d: d.at_time(0, 0.2), "begin at 0 s"),
-        (lambda d: d.at_time(2, float("nan")), "end by 12 s"),
-        (lambda d: Draft("x", (Key(0, (0.0,) * 7), Key(1, (0.0,) * 8))), "8 angles in the joints' ranges"),
-        (lambda d: Draft("x", (Key(0, (float("nan"),) * 8), Key(1, (0.0,) * 8))), "8 angles in the joints' ranges"),
+        (lambda d: d.at_time(2, float("nan")), "`time_s` should be a finite number"),
+        (
+            lambda d: Draft("x", (Key(0, (0.0,) * 7), Key(1, (0.0,) * 8))),
+            "`posture` should be a list of at least 8 entries",
+        ),
+        (lambda d: Key(0, (float("nan"),) * 8), "`posture`, entry 1 should be a finite number"),
+        (lambda d: Key(0, (9.0,) * 8), "the posture at 0 s should lie in the joints' ranges"),
         (lambda d: Draft("x", tuple(Key(0.1 * k, d.keys[0].posture) for k in range(MAX_KEYS + 1))), "2 to 24 keys"),
         (
-            lambda d: KeyframeSet(tuple(d.renamed(f"d{k}") for k in range(MAX_DRAFTS + 1))),
+            lambda d: KeyframeSet(tuple(Draft(f"d{k}", d.keys) for k in range(MAX_DRAFTS + 1))),
             "there may be 8 demonstrations",
         ),
         (lambda d: KeyframeSet((d, d)), "two demonstrations are called wave"),
@@ -114,9 +118,9 @@ def test_bounds_are_kept_and_named(change, said):
 @pytest.mark.parametrize(
     "text",
     ["", "[", "null", "[[]]", '[["a"]]', '[["a", [[0], [1]]]]', '[["a", 3]]', '{"a": 1}', "[" * 5000, "x" * 60_001,
-     '[["a", [["0", "x"], []]]]', '[[1, []]]', '[["a", [[NaN]]]]', '[["<b>", []]]'],
+     "[]", '[["a", [["0", "x"], []]]]', '[[1, []]]', '[["a", [[NaN]]]]', '[["<b>", []]]'],
 )  # fmt: skip
-def test_a_notebook_of_nonsense_is_refused(text):
+def test_text_of_nonsense_is_refused(text):
     with pytest.raises(CreativeNaoError):
         KeyframeSet.from_text(text)
 

@@ -91,7 +91,7 @@ def test_an_empty_set_becomes_a_demonstration_and_its_mirror_image(teach):
     name = tab.page.get_by_label("Name of the demonstration")
     name.fill("../../evil")
     name.press("Enter")
-    tab.page.get_by_text("a name should be a letter").wait_for()
+    tab.page.get_by_text("`name` should be a letter").wait_for()
     name.fill("other side")
     name.press("Enter")
     tab.page.get_by_role("button", name="B other side").wait_for()
@@ -162,9 +162,9 @@ def test_stop_and_go_on_and_another_tab_knows_nothing(teach):
 
 
 @pytest.mark.slow
-def test_a_notebook_of_nonsense_in_the_browser_is_told_and_left(teach):
+def test_text_of_nonsense_in_the_browser_is_told_and_left(teach):
     tab = teach()
-    tab.page.evaluate("sessionStorage.setItem('creative-nao-notebook', '[[\"<img src=x onerror=alert(1)>\", []]]')")
+    tab.page.evaluate("sessionStorage.setItem('creative-nao-keyframes', '[[\"<img src=x onerror=alert(1)>\", []]]')")
     tab.page.reload()
     tab.page.get_by_text("The demonstrations kept by this tab cannot be read").wait_for()
     tab.says(f"6 {FIT}")

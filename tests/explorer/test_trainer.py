@@ -82,12 +82,12 @@ def test_what_cannot_be_learned_is_refused(demonstrations):
         Trainer(still, TrainingSettings(), threading.Semaphore(1))
 
 
-def test_the_school_forgets_and_stops_whom_no_tab_holds(demonstrations):
+def test_a_trainer_that_no_tab_holds_is_stopped_and_forgotten(demonstrations):
     sessions = TrainingSessions()
     trainer = Trainer(demonstrations, TrainingSettings(), sessions.concurrency_limit)
     key = sessions.add(trainer)
     assert sessions.hold("no such name") is None
-    assert sessions.hold(key).trainer is trainer
+    assert sessions.hold(key) is trainer
     trainer.learn(MAX_EPOCHS)
     sessions.release(key)
     assert len(sessions) == 1

@@ -23,9 +23,9 @@ def main(port, folder, patience_s):
         make(self)
         registers.append(self)
 
-    def watched(self, kept, *ends):
-        born.append(weakref.ref(kept))
-        return admits(self, kept, *ends)
+    def watched(self, tab, *ends):
+        born.append(weakref.ref(tab))
+        return admits(self, tab, *ends)
 
     server.Tabs.__init__, server.Tabs.admits = remembered, watched
 
