@@ -19,8 +19,8 @@ from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputF
 
 from creative_nao import storage
 from creative_nao.agents.resume import (
+    ResumeState,
     TrainingRecord,
-    TrainingState,
     capture,
     check_weights,
     plain_numbers,
@@ -73,7 +73,7 @@ class TrainingCallback(EpisodeRecorder):
     def __init__(
         self,
         record: TrainingRecord,
-        state: TrainingState | None,
+        state: ResumeState | None,
         plan: Any,
         evaluate: Callable[[], tuple[float, ...]],
         *,
@@ -88,7 +88,7 @@ class TrainingCallback(EpisodeRecorder):
         self._on_policy = find_algorithm(plan.hyperparameters.algorithm).on_policy
         self._logs: Path | None = None
         self._just_restored = state is not None
-        self._rollout_start: TrainingState | None = None
+        self._rollout_start: ResumeState | None = None
         self._n_saved = -1
 
     def prepare(self, model: Any, logs: Path | None, tensorboard: Path | None) -> int:
@@ -149,11 +149,11 @@ class TrainingCallback(EpisodeRecorder):
             self._leave(self._rollout_start)
         return super()._on_step()
 
-    def _leave(self, state: TrainingState | None) -> None:
+    def _leave(self, state: ResumeState | None) -> None:
         self._save(state)
         raise KeyboardInterrupt
 
-    def _save(self, state: TrainingState | None) -> None:
+    def _save(self, state: ResumeState | None) -> None:
         if self._checkpoint is not None and state is not None:
             save_checkpoint(self._checkpoint, self._plan.as_json(), self.record, state)
 

@@ -33,14 +33,14 @@ _NOISE_MATRICES = ("exploration_mat", "exploration_matrices")
 
 
 @dataclass(frozen=True, eq=False)
-class TrainingState:
+class ResumeState:
     """The state of a training between two rollouts: what JSON can hold, and the rest by name."""
 
     values: dict[str, Any]
     arrays: dict[str, np.ndarray]
 
 
-def capture(model: Any) -> TrainingState:
+def capture(model: Any) -> ResumeState:
     """Return the exact state of a model of Stable-Baselines3, of its environments and of what it has logged."""
     values: dict[str, Any] = {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)}
     arrays: dict[str, np.ndarray] = {}
@@ -65,10 +65,10 @@ def capture(model: Any) -> TrainingState:
         name: [repr(value), logger.name_to_count.get(name, 0), list(logger.name_to_excluded.get(name, ()))]
         for name, value in plain_numbers(logger.name_to_value).items()
     }
-    return TrainingState(values, arrays)
+    return ResumeState(values, arrays)
 
 
-def restore(model: Any, state: TrainingState) -> None:
+def restore(model: Any, state: ResumeState) -> None:
     """Put a model made with the same settings into a state of `capture`; a `FileFormatError` names what fails."""
     import torch
 
@@ -106,7 +106,7 @@ def restore(model: Any, state: TrainingState) -> None:
         raise FileFormatError(f"training state: its {part} do not fit this training: {error}") from error
 
 
-def restore_random(model: Any, state: TrainingState) -> None:
+def restore_random(model: Any, state: ResumeState) -> None:
     """Put the random generators, and the matrices of state-dependent noise, into a state of `capture`.
 
     Algorithms draw such matrices just before a rollout begins; a resumed training therefore calls this once more when
@@ -126,7 +126,7 @@ def restore_random(model: Any, state: TrainingState) -> None:
             setattr(_distribution(model), name, torch.from_numpy(arrays[f"noise.{name}"].copy()))
 
 
-def restore_log(logger: Any, state: TrainingState) -> None:
+def restore_log(logger: Any, state: ResumeState) -> None:
     """Log again what was logged since the last row of the log; the next row tells it."""
     for name, (text, count, excluded) in state.values.get("logged", {}).items():
         logger.name_to_value[name] = int(text) if text.lstrip("-").isdigit() else float(text)
@@ -333,7 +333,7 @@ class _Header:
 _COLUMNS = {"episode_ends": np.int64, "episode_rewards": np.float64, "evaluation_ends": np.int64}
 
 
-def save_checkpoint(path: Path, plan: dict[str, Any], record: TrainingRecord, state: TrainingState) -> None:
+def save_checkpoint(path: Path, plan: dict[str, Any], record: TrainingRecord, state: ResumeState) -> None:
     """Write record and state of a training in one step."""
     arrays = {f"state.{name}": array for name, array in state.arrays.items()}
     arrays |= {f"best.{name}": array for name, array in record.best_weights.items()}
@@ -343,7 +343,7 @@ def save_checkpoint(path: Path, plan: dict[str, Any], record: TrainingRecord, st
     save_tensors(path, kind=KIND, header=header, tensors=arrays)
 
 
-def load_checkpoint(path: Path, plan: dict[str, Any]) -> tuple[TrainingRecord, TrainingState]:
+def load_checkpoint(path: Path, plan: dict[str, Any]) -> tuple[TrainingRecord, ResumeState]:
     """Read a file of `save_checkpoint`; that it is of another plan is a `SettingsError` that names the setting."""
     values, arrays = load_tensors(path, kind=KIND)
     header = parse(_Header, values, f"{path}: header")
@@ -373,7 +373,7 @@ def load_checkpoint(path: Path, plan: dict[str, Any]) -> tuple[TrainingRecord, T
     )
     rows = [tuple(row) for row in evaluations.tolist()] if len(evaluations) else []
     record = TrainingRecord(ends.tolist(), rewards.tolist(), evaluation_ends.tolist(), rows, best)
-    return record, TrainingState(header.state, state)
+    return record, ResumeState(header.state, state)
 
 
 def check_weights(weights: dict[str, np.ndarray], policy: Any) -> None:

@@ -19,8 +19,8 @@ import numpy as np
 from creative_nao import exchange, load_agent
 from creative_nao.agents.bundle import BundleHeader, save_bundle
 from creative_nao.agents.callbacks import read_log
+from creative_nao.agents.resume import ResumeState as AgentState
 from creative_nao.agents.resume import TrainingRecord
-from creative_nao.agents.resume import TrainingState as AgentState
 from creative_nao.agents.resume import load_checkpoint as load_agent_checkpoint
 from creative_nao.agents.resume import save_checkpoint as save_agent_checkpoint
 from creative_nao.agents.settings import check_entry, read_hyperparameters
