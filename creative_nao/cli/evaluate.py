@@ -18,11 +18,11 @@ from rich.console import Console
 from creative_nao.cli.terminal import Display
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.evaluation.pages import terminal_table
 from creative_nao.evaluation.publishing import publish
 from creative_nao.evaluation.run import Evaluation, evaluate
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, check_agent, find_suite
-from creative_nao.evaluation.tables import terminal_table
 from creative_nao.schema import Count, Seed, checked
 
 
@@ -134,7 +134,7 @@ def executor_for(options: JobOptions) -> Executor:
             raise SettingsError(
                 "`--n-workers` counts processes of this machine; with --scheduler the cluster's workers decide"
             )
-        from creative_nao.evaluation.cluster import DaskExecutor
+        from creative_nao.evaluation.runner import DaskExecutor
 
         return DaskExecutor(options.scheduler)
     return LocalExecutor.on_all_cores() if options.n_workers is None else LocalExecutor(options.n_workers)

@@ -14,8 +14,8 @@ from rich.table import Table
 from creative_nao.cli.evaluate import JobOptions, executor_for, job_display, write_pages
 from creative_nao.cli.terminal import print_result
 from creative_nao.errors import SettingsError
+from creative_nao.evaluation.pages import env_label
 from creative_nao.evaluation.publishing import leaderboard, with_record
-from creative_nao.evaluation.tables import env_label
 from creative_nao.evaluation.verification import TOLERANCE, Verification, verify
 
 DOES_NOT_HOLD = 1

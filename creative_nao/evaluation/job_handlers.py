@@ -17,14 +17,14 @@ from gymnasium.spaces import Box
 from creative_nao import storage
 from creative_nao.agents.bundle import BundleHeader, save_bundle
 from creative_nao.agents.training import PPOSettings, train_ppo
-from creative_nao.demonstrations import Demonstrations, load_demonstrations
+from creative_nao.demonstrations import load_demonstrations
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import CreativeNaoError
-from creative_nao.evaluation.jobs import PARENT, Job, read_spec, write_result
+from creative_nao.evaluation.jobs import PARENT, read_spec, write_result
 from creative_nao.evaluation.protocol import play
 from creative_nao.evaluation.statistics import seed_sequence
 from creative_nao.evaluation.suites import resolve_agent
-from creative_nao.maps import PBMap, pb_map
+from creative_nao.maps import pb_map
 from creative_nao.measures import OUTCOMES, farthest_points
 from creative_nao.model import Memory, TrainingSettings, train_network
 from creative_nao.schema import dump, parse
@@ -34,55 +34,26 @@ Report = Callable[[float], None]
 REPORT_EVERY_S = 0.5
 
 
-def score_memory(
-    memory: Memory, resolution: int, n_actions: int, report: Report = lambda _: None
-) -> tuple[PBMap, dict[str, Any]]:
-    """Score a memory's whole map and let the greedy oracle choose from it.
-
-    Args:
-        memory: The memory.
-        resolution: Points along each PB axis.
-        n_actions: Budget of the oracle.
-        report: Called with the share that is done.
-
-    Returns:
-        The map, and a dictionary of plain values: what the oracle chose, `oracle_pb` (n, 2), what each choice earned,
-        `oracle_rewards` (n,), and the share of each outcome on the map, `shares_pct`.
-    """
-    scored = pb_map(memory, resolution=resolution)
-    report(0.5)
-    assert scored.trajectories is not None
-    best = farthest_points(scored.trajectories, memory.demonstrations, n_actions, scored.appropriate)
-    return scored, {
-        "oracle_pb": scored.pb[best.indices].tolist(),
-        "oracle_rewards": best.rewards.tolist(),
-        "shares_pct": {outcome: scored.share_pct(outcome) for outcome in OUTCOMES},
-    }
-
-
 def train_memory(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
     """Train a memory on other demonstrations and write it; return how well it learned."""
     start = time.perf_counter()
     training = TrainingSettings(
         closed_loop_ratio=spec["closed_loop_ratio"], n_epochs=spec["n_epochs"], seed=spec["seed"]
     )
+    if spec["demonstrations"] is not None:
+        demonstrations = load_demonstrations(spec["demonstrations"])
+    else:  # the six actions again, by a hand with another seed
+        from creative_nao.demonstrations import teaching  # loads MuJoCo
+
+        demonstrations = teaching.as_demonstrations(teaching.teach(np.random.default_rng(spec["teaching_seed"])))
     memory = train_network(
-        _demonstrations(spec),
+        demonstrations,
         training,
         progress=lambda _, state: report(state.epoch / training.n_epochs),
         command=f"creative-nao evaluate (memory {spec['memory']})",
     )
     memory.save(folder / spec["file"])
     return {"memory": spec["memory"], "loss": float(min(memory.loss_history)), "seconds": time.perf_counter() - start}
-
-
-def _demonstrations(spec: dict[str, Any]) -> Demonstrations:
-    """Load the user's recordings, or teach the six actions again by a hand with another seed."""
-    if spec["demonstrations"] is not None:
-        return load_demonstrations(spec["demonstrations"])
-    from creative_nao.demonstrations import teaching  # loads MuJoCo
-
-    return teaching.as_demonstrations(teaching.teach(np.random.default_rng(spec["teaching_seed"])))
 
 
 def _memory_of(memory: dict[str, Any], folder: Path) -> str:
@@ -151,16 +122,28 @@ def play_episodes(spec: dict[str, Any], folder: Path, report: Report) -> dict[st
 
 
 def score_map(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
-    """Score the whole map of a memory, write it, and return what the greedy oracle earns on it."""
+    """Score the whole map of a memory, write it, and return what the greedy oracle earns on it.
+
+    `oracle_pb` (n, 2) is what the oracle chose, `oracle_rewards` (n,) what each choice earned, `shares_pct` the share
+    of each outcome on the map.
+    """
     start = time.perf_counter()
     env = gym.make(spec["env"], memory=_memory_of(spec["memory"], folder))
     try:
-        memory = env.unwrapped.memory  # pyright: ignore[reportAttributeAccessIssue]
-        scored, oracle = score_memory(memory, spec["resolution"], spec["n_actions"], report)
+        memory: Memory = env.unwrapped.memory  # pyright: ignore[reportAttributeAccessIssue]
     finally:
         env.close()
+    scored = pb_map(memory, resolution=spec["resolution"])
+    report(0.5)
+    assert scored.trajectories is not None
+    best = farthest_points(scored.trajectories, memory.demonstrations, spec["n_actions"], scored.appropriate)
     scored.save(folder / spec["chart"])
-    return {**oracle, "seconds": time.perf_counter() - start}
+    return {
+        "oracle_pb": scored.pb[best.indices].tolist(),
+        "oracle_rewards": best.rewards.tolist(),
+        "shares_pct": {outcome: scored.share_pct(outcome) for outcome in OUTCOMES},
+        "seconds": time.perf_counter() - start,
+    }
 
 
 HANDLERS: dict[str, Callable[[dict[str, Any], Path, Report], dict[str, Any]]] = {
@@ -176,7 +159,7 @@ def main(arguments: list[str]) -> int:
     _end_with_the_runner()
     job, folder = read_spec(Path(arguments[0])), Path(arguments[1])
     try:
-        write_result(job, folder, HANDLERS[job.kind](job.spec, folder, _Reporter(job, folder)))
+        write_result(job, folder, HANDLERS[job.kind](job.spec, folder, _reporter(job.file(folder, ".progress"))))
     except CreativeNaoError as error:
         sys.stderr.write(f"{error}\n")
         return 2
@@ -188,16 +171,17 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-class _Reporter:
-    """Writes the share that is done, not oftener than it is read."""
+def _reporter(path: Path) -> Report:
+    """Return what writes the share that is done, not oftener than it is read."""
+    last = 0.0
 
-    def __init__(self, job: Job, folder: Path):
-        self.path, self.last = job.progress_path(folder), 0.0
+    def report(share: float) -> None:
+        nonlocal last
+        if time.monotonic() - last >= REPORT_EVERY_S:
+            last = time.monotonic()
+            storage.write_text(path, f"{share:.4f}")
 
-    def __call__(self, share: float) -> None:
-        if time.monotonic() - self.last >= REPORT_EVERY_S:
-            self.last = time.monotonic()
-            storage.write_text(self.path, f"{share:.4f}")
+    return report
 
 
 def _end_with_the_runner() -> None:

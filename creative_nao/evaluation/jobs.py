@@ -6,15 +6,13 @@ import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from creative_nao import storage
 from creative_nao.errors import CreativeNaoError
 from creative_nao.evaluation.suites import Suite, check_agent, trained_here
 from creative_nao.schema import Field, JsonObject, NonNegative, PlainName, dump, load_json, record
 from creative_nao.storage import as_json, read_text
-
-T = TypeVar("T")
 
 PARENT = "CREATIVE_NAO_RUNNER"
 """Environment variable with the process number of the runner, without which a job's process ends."""
@@ -47,21 +45,9 @@ class Job:
     writes: tuple[str, ...] = ()
     seconds: NonNegative = STARTING_S
 
-    def spec_path(self, folder: Path) -> Path:
-        """Return where the job's process reads what to do."""
-        return folder / "jobs" / f"{self.name}.json"
-
-    def result_path(self, folder: Path) -> Path:
-        """Return where the job's process writes its result."""
-        return folder / "jobs" / f"{self.name}.result.json"
-
-    def progress_path(self, folder: Path) -> Path:
-        """Return where the job's process says how far it is."""
-        return folder / "jobs" / f"{self.name}.progress"
-
-    def log_path(self, folder: Path) -> Path:
-        """Return what the job's process printed."""
-        return folder / "jobs" / f"{self.name}.log"
+    def file(self, folder: Path, suffix: str) -> Path:
+        """Return a file of the job: `.json` (what to do), `.result.json`, `.progress` (share that is done), `.log`."""
+        return folder / "jobs" / f"{self.name}{suffix}"
 
     def described(self) -> dict[str, Any]:
         """Return kind and spec as JSON would hold them: a finished job counts only for the same spec."""
@@ -70,7 +56,7 @@ class Job:
 
 def read_result(job: Job, folder: Path) -> dict[str, Any] | None:
     """Return the result of a finished job; None when it has none, a damaged one, or one of another spec."""
-    path = job.result_path(folder)
+    path = job.file(folder, ".result.json")
     try:
         found = as_json(read_text(path, "result of a job"), str(path))
     except CreativeNaoError:
@@ -83,12 +69,12 @@ def read_result(job: Job, folder: Path) -> dict[str, Any] | None:
 def write_result(job: Job, folder: Path, result: dict[str, Any]) -> None:
     """Write a job's result in one step."""
     text = json.dumps({"job": job.described(), "result": result}, allow_nan=False)
-    storage.write_text(job.result_path(folder), text)
+    storage.write_text(job.file(folder, ".result.json"), text)
 
 
 def write_spec(job: Job, folder: Path) -> Path:
     """Write what the job's process reads and return the path."""
-    return storage.write_text(job.spec_path(folder), json.dumps(dump(job), allow_nan=False))
+    return storage.write_text(job.file(folder, ".json"), json.dumps(dump(job), allow_nan=False))
 
 
 def read_spec(path: Path) -> Job:
@@ -139,7 +125,7 @@ def plan(suite: Suite, *, base_seed: int) -> tuple[Job, ...]:
     return tuple(jobs)
 
 
-def _groups(values: Sequence[T], size: int) -> list[Sequence[T]]:
+def _groups(values: Sequence[Any], size: int) -> list[Sequence[Any]]:
     return [values[first : first + size] for first in range(0, len(values), size)]
 
 
@@ -149,9 +135,10 @@ def _memory(suite: Suite, name: str) -> dict[str, Any]:
     return {"name": name, "file": file}
 
 
-def _after(training: Job | None) -> dict[str, Any]:
-    """Return what a job takes over from the one that trains its memory."""
-    return {} if training is None else {"needs": (training.name,), "reads": training.writes}
+def _after(*jobs: Job | None) -> dict[str, Any]:
+    """Return what a job needs and reads of those before it."""
+    needed = [job for job in jobs if job is not None]
+    return {"needs": tuple(job.name for job in needed), "reads": tuple(file for job in needed for file in job.writes)}
 
 
 def _train_memory(suite: Suite, memory: str) -> Job:
@@ -209,17 +196,11 @@ def _score_map(suite: Suite, memory: str, training: Job | None) -> Job:
 
 
 def _play(
-    suite: Suite,
-    agent: str,
-    memories: Sequence[str],
-    seeds: Sequence[int],
-    agents_trained: Sequence[Job],
-    memories_trained: Sequence[Job],
-    base_seed: int,
-) -> Job:
-    per_action = dict(suite.seconds_per_action)
-    n_episodes = len(seeds) * len(memories)
-    needed = (*agents_trained, *memories_trained)
+    suite: Suite, agent: str, memories: Sequence[str], seeds: Sequence[int], trained: Sequence[Job],
+    taught: Sequence[Job], base_seed: int,
+) -> Job:  # fmt: skip
+    """Return the job in which an agent plays; `trained` makes its bundles, `taught` the memories."""
+    cost = dict(suite.seconds_per_action)
     reach = f"{slug(memories[0])}-to-{slug(memories[-1])}" if len(memories) > 1 else slug(memories[0])
     whom = f"judge {agent}" if len(memories) == 1 else f"judge {agent} on {len(memories)} memories"
     which = f"seeds {seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else f"seed {seeds[0]}"
@@ -235,11 +216,11 @@ def _play(
             "base_seed": base_seed,
             "n_actions": suite.n_actions,
             # Memory by memory, seed by seed; empty for an agent that is not trained here.
-            "bundles": [job.spec["bundle"] for job in agents_trained],
+            "bundles": [job.spec["bundle"] for job in trained],
             # What made bundles and memories decides the result too.
-            "made_by": [job.described() for job in needed],
+            "made_by": [job.described() for job in (*trained, *taught)],
         },
-        needs=tuple(job.name for job in needed),
-        reads=tuple(file for job in needed for file in job.writes),
-        seconds=STARTING_S + n_episodes * suite.n_actions * sum(per_action.get(env, 0.01) for env in suite.envs),
+        seconds=STARTING_S
+        + len(seeds) * len(memories) * suite.n_actions * sum(cost.get(env, 0.01) for env in suite.envs),
+        **_after(*trained, *taught),
     )

@@ -13,30 +13,18 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from creative_nao.evaluation.pages import env_label
 from creative_nao.evaluation.protocol import Episode
 from creative_nao.evaluation.results import Entry, Measured
 from creative_nao.evaluation.suites import Suite
-from creative_nao.evaluation.tables import env_label
 from creative_nao.maps.figure_style import BLUE, FAINT, GREEN, INK, ORANGE, OUTCOME_COLOURS, figure
 
 AGENTS = {
-    "supervised": BLUE,
-    "random": ORANGE,
-    "ppo": GREEN,
-    "oracle": INK,
-    "sobol": "#882255",
-    "replay": FAINT,
-    "cma_es": "#CC6677",
-    "cma_me": "#AA4499",
-    "map_elites": "#B8860B",
-    "novelty_search": "#44AA99",
-    "bayesian": "#332288",
-    "sac": "#117733",
-    "td3": "#999933",
-    "tqc": "#6699CC",
-    "crossq": "#661100",
+    "supervised": BLUE, "random": ORANGE, "ppo": GREEN, "oracle": INK, "sobol": "#882255", "replay": FAINT,
+    "cma_es": "#CC6677", "cma_me": "#AA4499", "map_elites": "#B8860B", "novelty_search": "#44AA99",
+    "bayesian": "#332288", "sac": "#117733", "td3": "#999933", "tqc": "#6699CC", "crossq": "#661100",
     "recurrent_ppo": "#88CCEE",
-}
+}  # fmt: skip
 OTHERS = ("#CC6677", "#44AA99", "#332288", "#999933", "#AA4499", "#661100")
 SHAPES = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 """Agents differ in shape too, so that nothing rests on colour alone."""
@@ -260,16 +248,9 @@ def _agents_below(ax: Axes, agents: Sequence[str], margin: float) -> None:
 
 
 def _interval(
-    ax: Axes,
-    found: Mapping[str, Any],
-    place: int,
-    agent: str,
-    *,
-    scale: float = 1.0,
-    size: float = 7.5,
-    edge: float = 2.0,
-    alpha: float = 0.75,
-) -> None:
+    ax: Axes, found: Mapping[str, Any], place: int, agent: str, *, scale: float = 1.0, size: float = 7.5,
+    edge: float = 2.0, alpha: float = 0.75,
+) -> None:  # fmt: skip
     """Draw a mean as a marker and its interval as a bar."""
     colour = agent_colour(agent)
     if found["low"] is not None:

@@ -103,7 +103,18 @@ def play(
     info: dict[str, Any] = {}
     for pb, reward, info in play_episode(agent, env, seed=env_seed, rng=rng, n_actions=n_actions):
         if "outcome" in info:  # else the action is still unfolding
-            records.append(_record(len(records) + 1, pb, reward, info))
+            records.append(
+                ActionRecord(
+                    step=len(records) + 1,
+                    pb_1=float(pb[0]),
+                    pb_2=float(pb[1]),
+                    outcome=str(info["outcome"]),
+                    appropriate=bool(info["appropriate"]),
+                    nearest=str(info["nearest_name"]),
+                    reward=reward,
+                    **{name: info[name] for name in ("distance", "known_distance", "repertoire_size")},
+                )
+            )
     measures = info["episode_measures"]
     return Episode(
         agent=agent.name,
@@ -127,18 +138,3 @@ def write_episodes(path: str | Path, episodes: Iterable[Episode]) -> Path:
         keys = [getattr(episode, key) for key in EPISODE_KEYS]
         writer.writerows([*keys, *dataclasses.astuple(action)] for action in episode.actions)
     return storage.write_text(path, text.getvalue())
-
-
-def _record(step: int, pb: np.ndarray, reward: float, info: dict[str, Any]) -> ActionRecord:
-    return ActionRecord(
-        step=step,
-        pb_1=float(pb[0]),
-        pb_2=float(pb[1]),
-        outcome=str(info["outcome"]),
-        appropriate=bool(info["appropriate"]),
-        nearest=str(info["nearest_name"]),
-        distance=float(info["distance"]),
-        known_distance=float(info["known_distance"]),
-        reward=reward,
-        repertoire_size=int(info["repertoire_size"]),
-    )

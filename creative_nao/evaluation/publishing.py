@@ -13,10 +13,9 @@ from typing import Annotated, Any
 
 from creative_nao import storage
 from creative_nao.errors import SettingsError
-from creative_nao.evaluation.pages import render
+from creative_nao.evaluation.pages import env_label, render
 from creative_nao.evaluation.results import MAX_ROWS, Entry, Label, MeanInterval, naming, read_results, verdict
 from creative_nao.evaluation.run import RunRecord, read_record
-from creative_nao.evaluation.tables import env_label
 from creative_nao.schema import Count, Field, Index, PlainName, Text, parse, record
 
 MENTAL, PHYSICAL = "CreativeNao/BoxingMental-v0", "CreativeNao/Boxing-v0"

@@ -1,28 +1,51 @@
-"""`report.html`: a whole run on one page that needs nothing else, for someone new to the subject.
+"""`report.html`: a whole run on one page that needs nothing else, and its figures as PNG and SVG.
 
-This file works out the figures; the sentences are in `templates/report.html.jinja`, `findings.html.jinja` (what the
-results say) and `limits.html.jinja` (what they do not).
+This file works out the figures, draws the maps with the points that agents chose and a film strip of finds; charts are
+in `plots.py`. The sentences are in `templates/report.html.jinja`, `findings.html.jinja` (what the results say) and
+`limits.html.jinja` (what they do not).
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from creative_nao import storage
 from creative_nao.agents.registry import UNTRAINED
-from creative_nao.evaluation.figures import draw_figures, shown_memories
+from creative_nao.errors import MissingDependencyError, NotFoundError
+from creative_nao.evaluation import pages, plots
 from creative_nao.evaluation.jobs import slug
-from creative_nao.evaluation.pages import data_uri, render
-from creative_nao.evaluation.plots import agent_colour
-from creative_nao.evaluation.protocol import ActionRecord, Episode
+from creative_nao.evaluation.pages import env_label
+from creative_nao.evaluation.plots import agent_colour, agent_label
+from creative_nao.evaluation.protocol import Episode
 from creative_nao.evaluation.results import Measured, Row, verdict
 from creative_nao.evaluation.suites import Suite, actions_before, in_bundle, trained_here
-from creative_nao.evaluation.tables import MEASURED_COLUMNS, SUMMARY_TITLES, cells, env_label, summary_cells
+from creative_nao.joints import JOINTS
 from creative_nao.maps import PBMap
+from creative_nao.maps.figure_style import INK, figure, save, styled
+from creative_nao.maps.picture import draw_on, legend_handles
+from creative_nao.model import Memory, load_memory
 
+if TYPE_CHECKING:
+    from creative_nao.robot.scene import Scene
+
+MAX_SHOWN = 3
+"""Most memories that are drawn one by one; the figures over all memories and the result file hold the others."""
+FEW = 3
+"""Most agents whose maps are drawn large, two in a row; more stand three in a row."""
+N_ROWS = 4
+"""Finds that are shown: those that earned most."""
+TICKS = (0, 3, 5, 7, 9, 11, 13, 16)
+"""Ticks that are drawn, the first punch or what stands in its place: a movement repeats itself after it."""
+SIZE_PX = (170, 190)
+CAMERA = "close"
 VERDICTS = {"ahead": "ahead are", "open": "not to be told apart are", "behind": "behind are"}
 INTRODUCED = ("supervised", "random", "ppo", "oracle")
 """Agents that the report introduces in words of its own."""
@@ -41,29 +64,28 @@ def write_report(
         record: The content of `run.json`.
     """
     maps = {memory: PBMap.load(folder / "maps" / f"{slug(memory)}.npz") for memory in shown_memories(suite)}
-    page = render(
+    page = pages.render(
         "report.html.jinja",
         **findings(suite, results, measured),
         record=record,
         n_basic=len(next(iter(maps.values())).names),
-        columns=MEASURED_COLUMNS,
-        rows=[{**_line(row, cells(row)), "memory": row["memory"]} for row in results["rows"]],
-        summary_titles=[title.replace("\n", " ") for title in SUMMARY_TITLES],
-        summary=[_line(entry, summary_cells(entry)) for entry in results["summary"]],
+        columns=pages.MEASURED_COLUMNS,
+        rows=[_line(row, pages.cells(row)) for row in results["rows"]],
+        summary_titles=[title.replace("\n", " ") for title in pages.SUMMARY_TITLES],
+        summary=[_line(entry, pages.summary_cells(entry)) for entry in results["summary"]],
         others=[_introduction(agent) for agent in suite.agents if agent not in INTRODUCED],
         trained=[agent for agent in suite.agents if trained_here(agent)],
         notes=notes(results),
         pictures=draw_figures(folder, suite, results, measured, maps),
-        data_uri=data_uri,
+        data_uri=pages.data_uri,
         ppo_settings=", ".join(f"{name} {value}" for name, value in dataclasses.asdict(suite.ppo).items()),
         env_label=env_label,
     )
     return storage.write_text(folder / "report.html", page)
 
 
-def _line(row: Row, figures: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    agent = row["agent"]
-    return {"agent": agent, "env": env_label(row["env"]), "colour": agent_colour(agent), "cells": figures}
+def _line(row: Row, cells: Sequence[tuple[str, str]]) -> dict[str, Any]:
+    return {**row, "env": env_label(row["env"]), "colour": agent_colour(row["agent"]), "cells": cells}
 
 
 def _introduction(agent: str) -> dict[str, Any]:
@@ -85,7 +107,7 @@ def findings(suite: Suite, results: Mapping[str, Any], measured: Measured) -> di
                 found.append({"env": env_label(env), "memory": memory, **_ranking(rows)})
         found += _physics(suite, measured, memory)
         if not several:
-            found.append({"kind": "map", "memory": memory, **_map(measured, memory)})
+            found.append({"kind": "map", "memory": memory, "oracle": measured.oracles[memory]})
     if several:
         earned = [sum(oracle.rewards) for oracle in measured.oracles.values()]
         found.append({"kind": "oracles", "least": min(earned), "most": max(earned)})
@@ -117,17 +139,6 @@ def _ranking(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def _map(measured: Measured, memory: str) -> dict[str, Any]:
-    oracle = measured.oracles[memory]
-    learned = oracle.shares_pct.get("learned", 0.0)
-    return {
-        "usable_pct": learned + oracle.shares_pct.get("unlearned", 0.0),
-        "learned_pct": learned,
-        "oracle": sum(oracle.rewards),
-        "n_chosen": len(oracle.rewards),
-    }
-
-
 def _physics(suite: Suite, measured: Measured, memory: str) -> list[dict[str, Any]]:
     """Compare, action by action, what the same PB vectors gave as the memory imagines them and in physics."""
     found = []
@@ -139,7 +150,8 @@ def _physics(suite: Suite, measured: Measured, memory: str) -> list[dict[str, An
             [e for e in measured.episodes if (e.memory, e.env) == (memory, which) and _is_blind(e.agent)]
             for which in (suite.oracle_envs[0], env)
         )
-        pairs = zip(_actions(imagined), _actions(performed), strict=True)
+        actions = ([action for episode in episodes for action in episode.actions] for episodes in (imagined, performed))
+        pairs = zip(*actions, strict=True)
         if usable := [after.appropriate for before, after in pairs if before.appropriate]:
             change = 100.0 * (sum(e.reward for e in performed) / sum(e.reward for e in imagined) - 1.0)
             counts = {"n_usable": len(usable), "n_refused": usable.count(False)}
@@ -152,10 +164,6 @@ def _is_blind(agent: str) -> bool:
     return agent in UNTRAINED and not UNTRAINED[agent]().learns_within_episode
 
 
-def _actions(episodes: Sequence[Episode]) -> list[ActionRecord]:
-    return [action for episode in episodes for action in episode.actions]
-
-
 def notes(results: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
     """Return the reasons of missing or partial figures, each once, with the rows they concern; none for all rows."""
     found: dict[str, list[str]] = {}
@@ -165,3 +173,173 @@ def notes(results: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
                 text = f"{key.removesuffix('_reason').replace('_', ' ')}: {reason}"
                 found.setdefault(text, []).append(f"{row['agent']}, {env_label(row['env'])}")
     return [(text, [] if len(rows) == len(results["rows"]) else rows) for text, rows in found.items()]
+
+
+def shown_memories(suite: Suite) -> tuple[str, ...]:
+    """Return the memories that are drawn one by one: all of a few, else some spread over the suite's list."""
+    n_shown = min(MAX_SHOWN, len(suite.memories))
+    return tuple(suite.memories[place * len(suite.memories) // n_shown] for place in range(n_shown))
+
+
+def draw_figures(
+    folder: Path, suite: Suite, results: dict[str, Any], measured: Measured, maps: dict[str, PBMap]
+) -> list[dict[str, Any]]:
+    """Draw every figure into the subfolder `figures` of a run folder.
+
+    Args:
+        folder: Run folder.
+        suite: What was evaluated.
+        results: The content of `results.json`.
+        measured: All episodes, trainings and oracles.
+        maps: The map of each memory that is drawn.
+
+    Returns:
+        Of each figure its `name` (the report knows title and caption), its `memory` (None for one over all) and the
+        `path` of the file that is put into the page.
+    """
+    found = []
+    several = len(suite.memories) > 1
+    with styled():
+        for memory in (None, *maps) if several else maps:
+            drawn = (
+                _draw_overall(suite, results, measured)
+                if memory is None
+                else _draw(folder, suite, results, measured, memory, maps[memory])
+            )
+            for name, picture in drawn.items():
+                file = f"{name}-{slug(memory)}.png" if several and memory is not None else f"{name}.png"
+                path = save(picture, folder / "figures" / file)
+                if name not in ("choices", "film"):  # whose SVG of 40,000 points or photographs would be large
+                    path = path.with_suffix(".svg")
+                found.append({"name": name, "memory": memory, "path": path})
+    return found
+
+
+def _draw_overall(suite: Suite, results: dict[str, Any], measured: Measured) -> dict[str, Figure]:
+    summary = results["summary"]
+    drawn = {"standing": plots.standing(results)}
+    if any(entry["versus"] is not None for entry in summary):
+        drawn["improvement"] = plots.improvement(results)
+    if any(entry["profile"] is not None and entry["agent"] != "oracle" for entry in summary):
+        drawn["profiles"] = plots.profiles(results)
+    if set(suite.oracle_envs) & set(suite.envs):
+        drawn["regret"] = plots.regret(suite, measured)
+    return drawn
+
+
+def _draw(
+    folder: Path, suite: Suite, results: dict[str, Any], measured: Measured, memory: str, scored: PBMap
+) -> dict[str, Figure]:
+    mental = suite.oracle_envs[0] if suite.oracle_envs else suite.envs[0]
+    drawn = {
+        "reward": plots.rewards(suite, results, measured, memory),
+        "cumulative": plots.cumulative(suite, measured, memory),
+        "outcomes": plots.outcomes(suite, measured, memory),
+        "choices": choices(suite, measured, scored, memory, mental),
+    }
+    if any(training.memory == memory for training in measured.trainings):
+        drawn["training"] = plots.training(suite, measured, memory)
+    env = suite.envs[0]
+    # No single PB vector makes a modulated movement again.
+    searched = memory_of(memory, folder) if memory == suite.memories[0] and "Modulation" not in env else None
+    if searched is not None:
+        rows = [row for row in results["rows"] if (row["env"], row["memory"]) == (env, memory)]
+        best = max(rows, key=lambda row: row["reward"]["mean"])["agent"]
+        if (strips := film(searched, measured.of(memory, env, best)[0])) is not None:
+            drawn["film"] = strips
+    return drawn
+
+
+def memory_of(name: str, folder: Path) -> Memory | None:
+    """Return a memory of a suite, from the run folder if it was trained there; None if it is no NAO's."""
+    own = folder / "memories" / f"{name.replace('/', '-')}.safetensors"
+    try:
+        memory = load_memory(own if own.is_file() else name)
+    except NotFoundError:
+        return None
+    return memory if tuple(memory.demonstrations.joints) == tuple(JOINTS) else None
+
+
+def film(memory: Memory, episode: Episode) -> Figure | None:
+    """Draw the finds of an episode that earned most.
+
+    Args:
+        memory: The memory that was searched; its joints are those of NAO.
+        episode: What was found.
+
+    Returns:
+        The figure; None where this machine cannot draw the robot, or nothing was found.
+    """
+    best = sorted((action for action in episode.actions if action.appropriate), key=lambda action: -action.reward)
+    if not best:
+        return None
+    best = best[:N_ROWS]
+    moves = memory.generate(np.array([[action.pb_1, action.pb_2] for action in best]))
+    try:
+        strips = [_strip(move, float(memory.demonstrations.dt_s)) for move in moves]
+    except MissingDependencyError:
+        return None
+    drawn, axes = figure(8.6, 1.42 * len(best) + 0.3, len(best), 1)
+    for ax, strip, action in zip(axes, strips, best, strict=True):
+        ax.imshow(strip, interpolation="lanczos")
+        ax.set_title(
+            f"action {action.step} of {agent_label(episode.agent)}: reward {action.reward:.2f}, most like "
+            f"{action.nearest.replace('_', ' ')}, {action.distance:.0f} rad from it",
+            fontsize=9.0,
+            fontweight="normal",
+        )
+        ax.set_axis_off()
+    return drawn
+
+
+def _strip(move: np.ndarray, dt_s: float) -> np.ndarray:
+    """Return the drawn ticks of a movement side by side, uint8 of shape (height, width, 3)."""
+    from creative_nao.robot.film import imagined_frames, pictures  # loads MuJoCo
+
+    frames = imagined_frames(_scene(), move, dt_s, frame_dt_s=dt_s)
+    chosen = frames[[min(tick, len(frames) - 1) for tick in TICKS]]
+    width, height = SIZE_PX
+    images = pictures(_scene(), chosen, camera=CAMERA, width=width, height=height)
+    gap = np.full((height, 4, 3), 255, dtype=np.uint8)
+    pieces = [piece for image in images for piece in (image, gap)]
+    return np.concatenate(pieces[:-1], axis=1)
+
+
+@functools.cache
+def _scene() -> Scene:
+    from creative_nao.robot.scene import Scene
+
+    return Scene(with_bag=False)  # it would hide an arm
+
+
+def choices(suite: Suite, measured: Measured, scored: PBMap, memory: str, env: str) -> Figure:
+    """Draw the map once per agent with the PB vectors it chose: the first seed's large, the other seeds' small."""
+    n_columns = 2 if len(suite.agents) <= FEW else 3
+    n_rows = -(-(len(suite.agents) + 1) // n_columns)
+    drawn, axes = figure(8.6, 8.3 / n_columns * n_rows + 0.8, n_rows, n_columns)
+    for ax in axes[len(suite.agents) + 1 :]:
+        ax.remove()
+    for ax, agent in zip(axes, suite.agents, strict=False):
+        _ground(ax, scored, agent_label(agent))
+        first, *others = measured.of(memory, env, agent)
+        for episode in others:
+            points = np.array([[a.pb_1, a.pb_2] for a in episode.actions])
+            ax.plot(*points.T, "o", color=INK, markersize=3.2, markeredgecolor="white", markeredgewidth=0.5)
+        for usable, marker, size in ((True, "o", 44), (False, "X", 40)):
+            _large(ax, [[a.pb_1, a.pb_2] for a in first.actions if a.appropriate == usable], marker, size)
+    ax = axes[len(suite.agents)]
+    _ground(ax, scored, "oracle (knows the map)")
+    _large(ax, measured.oracles[memory].pb, "o", 44)
+    drawn.legend(handles=legend_handles(scored), loc="outside lower center", ncols=3, fontsize=9)
+    return drawn
+
+
+def _ground(ax: Axes, scored: PBMap, title: str) -> None:
+    draw_on(ax, scored)
+    ax.grid(visible=False)
+    ax.set(title=title, xticks=[-1, 0, 1], yticks=[-1, 0, 1])
+
+
+def _large(ax: Axes, points: Sequence[Sequence[float]], marker: str, size: float) -> None:
+    style = {"facecolor": "white", "edgecolor": "black", "linewidth": 1.4, "zorder": 3, "clip_on": False}
+    ax.scatter(*np.reshape(points, (-1, 2)).T, s=size, marker=marker, **style)

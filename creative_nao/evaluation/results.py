@@ -123,22 +123,14 @@ def write_results(path: Path, results: dict[str, Any]) -> Path:
 
 @contextlib.contextmanager
 def naming(what: str) -> Iterator[None]:
-    """Turn what goes wrong over the parts of a file that are looked at in passing into an error that names the file.
-
-    Args:
-        what: Beginning of the message.
-
-    Raises:
-        FileFormatError: In place of the errors of Python and of templates over a missing part or one of another kind.
-    """
+    """Raise a FileFormatError that begins with `what` where a part of a file is missing or of another kind."""
     try:
         yield
     except CreativeNaoError:
         raise
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, jinja2.UndefinedError) as error:
-        raise FileFormatError(
-            f"{what}: a part is missing or of another kind ({type(error).__name__}: {error})"
-        ) from error
+        reason = f"{type(error).__name__}: {error}"
+        raise FileFormatError(f"{what}: a part is missing or of another kind ({reason})") from error
 
 
 def verdict(entry: Entry) -> str:
@@ -252,22 +244,15 @@ def _row(
     suite: Suite, episodes: Sequence[Episode], trainings: Sequence[Training], oracle: Oracle | None, base_seed: int
 ) -> dict[str, Any]:
     first = episodes[0]
-    row: dict[str, Any] = {
-        "agent": first.agent,
-        "env": first.env,
-        "memory": first.memory,
-        "n_seeds": len(episodes),
-        "n_actions": suite.n_actions,
-    }
+    row: dict[str, Any] = {name: getattr(first, name) for name in ("agent", "env", "memory")}
+    row |= {"n_seeds": len(episodes), "n_actions": suite.n_actions}
     best = math.fsum(oracle.rewards) if oracle is not None else None
     for field in MEASURED:
         if field == "oracle_share" and best is None:
             row[field], row[f"{field}_reason"] = None, NO_ORACLE_UNFOLDING if "Modulation" in first.env else NO_ORACLE
             continue
-        if field == "oracle_share":
-            values = [episode.reward / best if best else None for episode in episodes]
-        else:
-            values = [getattr(episode, field) for episode in episodes]
+        shares = [episode.reward / best if best else None for episode in episodes]
+        values = shares if field == "oracle_share" else [getattr(episode, field) for episode in episodes]
         stream = seed_sequence(base_seed, first.agent, first.env, first.memory, field)
         row |= _field(field, values, np.random.default_rng(stream))
     trained = suite.ppo.n_generated if trained_here(first.agent) else actions_before(first.agent)

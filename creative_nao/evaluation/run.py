@@ -14,11 +14,11 @@ from creative_nao import schema, storage
 from creative_nao.agents.bundle import find_bundle
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan
+from creative_nao.evaluation.pages import markdown_table
 from creative_nao.evaluation.protocol import write_episodes
 from creative_nao.evaluation.results import Measured, collect, make_results, naming, write_results
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import Suite, in_bundle
-from creative_nao.evaluation.tables import markdown_table
 from creative_nao.model.memory import PRETRAINED, shipped_memories
 from creative_nao.runtime import record, sha256
 from creative_nao.schema import Field, JsonObject, LongText, NonNegative, Sha256, Versions

@@ -1,26 +1,29 @@
-"""Run jobs: the queue that orders them, one operating-system process for each on this machine, and a thread pool.
+"""Run jobs, each in a process of its own, on this machine (`LocalExecutor`) or a Dask cluster (`DaskExecutor`).
 
-`LocalExecutor` runs jobs here, `cluster.DaskExecutor` on a cluster; both use `JobQueue` and give the same results.
+Both use one queue and give the same results. `in_threads` is for work within a process.
 """
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
-from creative_nao import storage
-from creative_nao.errors import CreativeNaoError, SettingsError
-from creative_nao.evaluation.jobs import PARENT, Job, read_result, write_spec
+from creative_nao import __version__, storage
+from creative_nao.errors import CreativeNaoError, MissingDependencyError, NotFoundError, SettingsError
+from creative_nao.evaluation.jobs import PARENT, Job, read_result, write_result, write_spec
 from creative_nao.runtime import usable_cores
+from creative_nao.schema import parse
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -28,6 +31,10 @@ Result = TypeVar("Result")
 POLL_S = 0.1
 STOP_S = 5.0
 """How long a job's process may take to end when it is asked to."""
+CONNECT_S = 10.0
+"""How long a Dask scheduler may take to answer."""
+N_RETRIES = 2
+"""How often Dask tries a job again whose process died; a worker that is lost counts separately, by its own limit."""
 USER_ERROR = 2
 """Exit code of a job that will fail the same way again."""
 
@@ -82,63 +89,38 @@ def in_threads(
             raise
 
 
-class Executor(Protocol):
-    """Where jobs run: `LocalExecutor` on this machine, `cluster.DaskExecutor` on a cluster, with the same results."""
-
-    @property
-    def n_workers(self) -> int:
-        """Most jobs at a time, as far as is known beforehand."""
-        ...
-
-    def run(
-        self, jobs: Sequence[Job], folder: Path, on_progress: Callable[[Progress], None] = ...
-    ) -> dict[str, dict[str, Any]]:
-        """Run all jobs and return their results by name; see `LocalExecutor.run`."""
-        ...
+OnProgress = Callable[[Progress], None]
+"""Called several times a second."""
+Results = dict[str, dict[str, Any]]
+"""Of jobs, by name."""
 
 
-class JobQueue:
+class _Queue:
     """Starts each job when those it needs are done, longest first, and keeps results and failures.
 
-    A subclass says how a job is started and how its result arrives.
+    A subclass says how many run at a time (`n_slots`), how a job is started (`submit` returns a future), how its result
+    arrives (`result` raises JobError when it failed), how much of it is done (`share`), and how all is ended (`stop`).
     """
 
     ahead = False
     """Whether more jobs are submitted than can run at a time."""
 
-    def __init__(self, jobs: Sequence[Job], folder: Path, on_progress: Callable[[Progress], None]):
+    def __init__(self, jobs: Sequence[Job], folder: Path, on_progress: OnProgress):
         self.jobs, self.folder, self.on_progress = tuple(jobs), folder, on_progress
-        self.results: dict[str, dict[str, Any]] = {}
+        self.results: Results = {}
         self.failures: dict[str, str] = {}
         self.futures: dict[str, Any] = {}
         self.started: dict[str, float] = {}
 
-    def n_slots(self) -> int:
-        """Return how many jobs can run at a time."""
-        raise NotImplementedError
-
-    def submit(self, job: Job) -> Any:
-        """Start a job and return its future, which has `done`."""
-        raise NotImplementedError
-
-    def result(self, job: Job, future: Any) -> dict[str, Any]:
-        """Return what a finished job found, with its files in the run folder; raise JobError if it failed."""
-        raise NotImplementedError
+    n_slots: Callable[[], int]
+    submit: Callable[[Job], Any]
+    result: Callable[[Job, Any], dict[str, Any]]
+    stop: Callable[[], None]
 
     def share(self, job: Job) -> float:
-        """Return how much of a running job is done."""
         return 0.0
 
-    def stop(self) -> None:
-        """End what still runs."""
-        raise NotImplementedError
-
-    def log_of(self, name: str) -> str:
-        """Return where a job's output can be read, as a part of an error message."""
-        return ""
-
-    def run(self) -> dict[str, dict[str, Any]]:
-        """Run all jobs and return their results by name."""
+    def run(self) -> Results:
         for job in self.jobs:
             if (result := read_result(job, self.folder)) is not None:
                 self.results[job.name] = result
@@ -158,17 +140,15 @@ class JobQueue:
         if self.failures:
             name, reason = next(iter(self.failures.items()))
             more = f" and {len(self.failures) - 1} more" if len(self.failures) > 1 else ""
-            raise JobError(f"job `{name}`{more} failed: {reason}{self.log_of(name)}; mend the cause and add --resume")
+            raise JobError(f"job `{name}`{more} failed: {reason}; mend the cause and add --resume")
         return self.results
 
     def _collect(self) -> None:
-        for job in self._running():
-            if self.futures[job.name].done():
-                future = self.futures.pop(job.name)
-                try:
-                    self.results[job.name] = self.result(job, future)
-                except JobError as error:
-                    self.failures[job.name] = str(error)
+        for job in [job for job in self._running() if self.futures[job.name].done()]:
+            try:
+                self.results[job.name] = self.result(job, self.futures.pop(job.name))
+            except JobError as error:
+                self.failures[job.name] = str(error)
 
     def _ready(self) -> list[Job]:
         known = set(self.results) | set(self.failures) | set(self.futures)
@@ -235,9 +215,7 @@ class LocalExecutor:
         """Return one that uses every core this process may use."""
         return cls(usable_cores())
 
-    def run(
-        self, jobs: Sequence[Job], folder: Path, on_progress: Callable[[Progress], None] = lambda _: None
-    ) -> dict[str, dict[str, Any]]:
+    def run(self, jobs: Sequence[Job], folder: Path, on_progress: OnProgress = lambda _: None) -> Results:
         """Run all jobs and return their results by name.
 
         Each runs in a process of its own, a killed one again, one with a result in the folder never.
@@ -245,7 +223,6 @@ class LocalExecutor:
         Args:
             jobs: Each after those it needs.
             folder: Run folder; specs, results and logs go to its subfolder `jobs`.
-            on_progress: Called several times a second.
 
         Raises:
             SettingsError: If `n_workers` is below 1.
@@ -257,12 +234,10 @@ class LocalExecutor:
         return _LocalQueue(jobs, folder.absolute(), on_progress, self).run()
 
 
-class _LocalQueue(JobQueue):
+class _LocalQueue(_Queue):
     """A thread waits for each job's process and starts it again when it was killed."""
 
-    def __init__(
-        self, jobs: Sequence[Job], folder: Path, on_progress: Callable[[Progress], None], executor: LocalExecutor
-    ):
+    def __init__(self, jobs: Sequence[Job], folder: Path, on_progress: OnProgress, executor: LocalExecutor):
         super().__init__(jobs, folder, on_progress)
         self.executor, self.pool = executor, ThreadPoolExecutor(executor.n_workers)
         self.lock, self.stopping = threading.Lock(), False
@@ -283,7 +258,7 @@ class _LocalQueue(JobQueue):
             with self.lock:
                 if self.stopping:
                     break
-                process = self.processes[job.name] = start_process(job, self.folder, job.log_path(self.folder))
+                process = self.processes[job.name] = start_process(job, self.folder, job.file(self.folder, ".log"))
             code, n_tried = process.wait(), n_tried + 1
             self._forget_progress(job)
             if code == 0 and (result := read_result(job, self.folder)) is not None:
@@ -295,19 +270,15 @@ class _LocalQueue(JobQueue):
         raise JobError(f"{tries}{ended}, {self._last_line(job)}")
 
     def _last_line(self, job: Job) -> str:
+        log, last = job.file(self.folder, ".log"), "it could say nothing, perhaps because its log cannot be written"
         with contextlib.suppress(OSError):
-            text = job.log_path(self.folder).read_text(encoding="utf-8", errors="replace").strip()
-            if text:
-                return text.splitlines()[-1]
-        return "it could say nothing, perhaps because its log cannot be written"
-
-    def log_of(self, name: str) -> str:
-        return f" (log: {self.folder / 'jobs' / f'{name}.log'})"
+            last = next(reversed(log.read_text(encoding="utf-8", errors="replace").strip().splitlines()), last)
+        return f"{last} (log: {log})"
 
     def share(self, job: Job) -> float:
-        """Return what the job reports, else what its expected duration suggests."""
+        # What the job reports, else what its expected duration suggests.
         try:
-            return float(job.progress_path(self.folder).read_text(encoding="utf-8"))
+            return float(job.file(self.folder, ".progress").read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return min(0.9, (time.monotonic() - self.started[job.name]) / job.seconds)
 
@@ -331,4 +302,122 @@ class _LocalQueue(JobQueue):
 
     def _forget_progress(self, job: Job) -> None:
         with contextlib.suppress(OSError):  # a folder that has vanished or turned read-only is told by who writes there
-            job.progress_path(self.folder).unlink(missing_ok=True)
+            job.file(self.folder, ".progress").unlink(missing_ok=True)
+
+
+def do_job(values: dict[str, Any], files: dict[str, bytes]) -> dict[str, Any]:
+    """Do a job on a worker and return `result` with `files`, or `mistake` with what the job said.
+
+    Args:
+        values: The job, as `dataclasses.asdict` gives it.
+        files: Content of every file that the job reads, by its path in the run folder.
+
+    Raises:
+        RuntimeError: If the job's process died; the scheduler then tries again.
+    """
+    job = parse(Job, values, "job")
+    with tempfile.TemporaryDirectory(prefix="creative-nao-") as name:
+        folder = Path(name)
+        for path, content in files.items():
+            storage.write_bytes(folder / path, content)
+        process = start_process(job, folder)
+        _, errors = process.communicate()
+        last = next(reversed(errors.decode("utf-8", "replace").strip().splitlines()), "it said nothing")
+        if process.returncode == USER_ERROR:
+            return {"mistake": last}
+        result = read_result(job, folder)
+        if process.returncode != 0 or result is None:
+            raise RuntimeError(f"exit code {process.returncode}, {last}")
+        return {"result": result, "files": {path: (folder / path).read_bytes() for path in job.writes}}
+
+
+@dataclass(frozen=True)
+class DaskExecutor:
+    """The workers of a Dask scheduler.
+
+    Args:
+        address: Address of the scheduler, such as `tcp://node1:8786`, or `tls://` where it asks for certificates.
+    """
+
+    address: str
+
+    @property
+    def n_workers(self) -> int:
+        """Not known before the scheduler is asked: workers come and go while jobs run."""
+        return 0
+
+    def run(self, jobs: Sequence[Job], folder: Path, on_progress: OnProgress = lambda _: None) -> Results:
+        """Run all jobs and return their results by name.
+
+        Raises:
+            MissingDependencyError: If `distributed` is not installed.
+            NotFoundError: If no scheduler answers at the address.
+            SettingsError: If a worker has another version of this package.
+            JobError: If a job failed at every attempt; the others are finished first.
+        """
+        try:
+            from distributed import Client
+        except ImportError:
+            raise MissingDependencyError(
+                "`--scheduler` needs the package `distributed`; install it with `pip install 'creative-nao[cluster]'`"
+            ) from None
+        try:
+            client = Client(self.address, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise NotFoundError(
+                f"no Dask scheduler at `{self.address}` ({type(error).__name__}); start one with `dask scheduler` and "
+                "give the address that it prints, such as tcp://node1:8786"
+            ) from None
+        with client:
+            versions: Any = client.run(package_version)
+            for worker, version in versions.items():  # results of two must not be mixed
+                if version != __version__:
+                    raise SettingsError(
+                        f"worker {worker} should have creative-nao {__version__}, as here, but has {version}; "
+                        "install the same version on all machines"
+                    )
+            return _DaskQueue(jobs, folder, on_progress, client).run()
+
+
+class _DaskQueue(_Queue):
+    """Submits every job whose needs are done: the scheduler knows how many run at a time."""
+
+    ahead = True
+
+    def __init__(self, jobs: Sequence[Job], folder: Path, on_progress: OnProgress, client: Any):
+        super().__init__(jobs, folder, on_progress)
+        self.client = client
+
+    def n_slots(self) -> int:
+        return sum(worker["nthreads"] for worker in self.client.scheduler_info(n_workers=-1)["workers"].values())
+
+    def submit(self, job: Job) -> Any:
+        files = {path: (self.folder / path).read_bytes() for path in job.reads}
+        # `pure` would let the scheduler answer from another run's result of the same name.
+        return self.client.submit(
+            do_job, dataclasses.asdict(job), files, pure=False, retries=N_RETRIES, priority=int(job.seconds)
+        )
+
+    def result(self, job: Job, future: Any) -> dict[str, Any]:
+        if future.status != "finished":
+            raise JobError(str(future.exception()))
+        done = future.result()
+        if "mistake" in done:
+            raise JobError(done["mistake"])
+        for path, content in done["files"].items():
+            storage.write_bytes(self.folder / path, content)
+        # The result last: a job that has one is never done again, so its files must be there.
+        write_result(job, self.folder, done["result"])
+        return done["result"]
+
+    def stop(self) -> None:
+        self.client.cancel(list(self.futures.values()))
+
+
+def package_version() -> str:
+    """Return the version of this package, as a worker has it."""
+    return __version__
+
+
+Executor = LocalExecutor | DaskExecutor
+"""Where jobs run; the results are the same everywhere."""

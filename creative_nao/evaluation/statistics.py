@@ -137,14 +137,8 @@ def compare(ours: np.ndarray, theirs: np.ndarray, *, rng: np.random.Generator) -
 def probability_of_improvement(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
     """Return how probable it is that a run of ours beats a run of theirs on the same task, averaged over tasks.
 
-    An equal pair counts half: per task this is Mann and Whitney's U divided by the number of pairs.
-
-    Args:
-        ours: Shape (..., runs, tasks).
-        theirs: Shape (..., other runs, tasks).
-
-    Returns:
-        Shape (...), between 0 and 1.
+    An equal pair counts half: per task this is Mann and Whitney's U divided by the number of pairs. Takes (..., runs,
+    tasks) and (..., other runs, tasks), gives (...).
 
     Example:
         >>> float(probability_of_improvement(np.array([[1.0], [3.0]]), np.array([[1.0], [2.0]])))
@@ -175,12 +169,7 @@ def estimate_over_tasks(values: np.ndarray, *, rng: np.random.Generator) -> Esti
 def performance_profile(values: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
     """Return the share of runs, over all tasks, that lie above each threshold.
 
-    Args:
-        values: Shape (..., runs, tasks).
-        thresholds: Shape (n,).
-
-    Returns:
-        Shape (..., n), falling from 1 to 0.
+    Takes (..., runs, tasks) and n thresholds, gives (..., n), falling from 1 to 0.
 
     Example:
         >>> performance_profile(np.array([[0.2, 0.6], [0.4, 0.8]]), np.array([0.0, 0.5, 1.0])).tolist()
@@ -217,16 +206,7 @@ def _with_interval(value: float, samples: np.ndarray, n_runs: int, level: float 
 
 
 def resample(values: np.ndarray, n_resamples: int, rng: np.random.Generator) -> np.ndarray:
-    """Draw runs with replacement, separately within each task.
-
-    Args:
-        values: Shape (runs, tasks).
-        n_resamples: How many arrays to draw.
-        rng: Draws.
-
-    Returns:
-        Shape (n_resamples, runs, tasks).
-    """
+    """Draw runs of `values` (runs, tasks) with replacement within each task: shape (n_resamples, runs, tasks)."""
     n_runs, n_tasks = values.shape
     drawn = rng.integers(n_runs, size=(n_resamples, n_runs, n_tasks))
     return values[drawn, np.arange(n_tasks)]

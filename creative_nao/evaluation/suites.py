@@ -124,14 +124,9 @@ class Suite:
 def find_suite(name: str, *, trusted: bool = False) -> Suite:
     """Return the shipped suite called `name`, or the one in the TOML file at `name`.
 
-    Args:
-        name: Name or file.
-        trusted: Whether modules that a file names are imported.
-
     Raises:
         NotFoundError: If there is none; the message offers the nearest name.
-        FileFormatError: If a file is no TOML.
-        SettingsError: If a file's content is no suite; the message names the key.
+        CreativeNaoError: If the file is no suite, as `read_suite` tells.
     """
     if name in SUITE_NAMES:
         return read_suite(FOLDER / f"{name}{SUFFIX}")
@@ -143,17 +138,8 @@ def find_suite(name: str, *, trusted: bool = False) -> Suite:
     )
 
 
-def shipped_suites() -> dict[str, Suite]:
-    """Return all shipped suites by name."""
-    return {name: find_suite(name) for name in SUITE_NAMES}
-
-
 def read_suite(path: Path, *, trusted: bool = False) -> Suite:
-    """Read a suite from a TOML file.
-
-    Args:
-        path: The file.
-        trusted: Whether agents and environments that are named with a module, which would be imported, are taken.
+    """Read a suite from a TOML file; `trusted` takes agents and environments named with a module, and imports it.
 
     Raises:
         NotFoundError: If there is no such file, or it names an agent, environment or memory that does not exist.
@@ -186,14 +172,8 @@ def suite_from_values(values: Mapping[str, Any], *, where: str) -> Suite:
     Raises:
         SettingsError: If a key is unknown, missing, of another type or out of range; the message names it.
     """
-    chosen: dict[str, Any] = {
-        "n_seeds": 10,
-        "n_actions": 30,
-        "training_env": MENTAL,
-        "memories": (),
-        "ppo": {},
-        **values,
-    }
+    chosen: dict[str, Any] = {"n_seeds": 10, "n_actions": 30, "training_env": MENTAL, "memories": (), "ppo": {}}
+    chosen |= values
     # What has another type is left as it is: `parse` then says so.
     if isinstance(costs := chosen.get("seconds_per_action"), Mapping):
         chosen["seconds_per_action"] = [*costs.items()]
@@ -269,35 +249,29 @@ def check_agent(name: str) -> str:
         return name
     if name in UNTRAINED:
         UNTRAINED[name]()
-        return name
-    if in_bundle(name):
+    elif in_bundle(name):
         load_bundle(name)
-        return name
-    if is_entry_point(name):
+    elif is_entry_point(name):
         load_entry_point(name)
-        return name
-    if name in TRAINED:
+    elif name in TRAINED:
         raise NotFoundError(
             f"agent `{name}` takes part out of a bundle, such as `{name}/BoxingMental-v0` or a file of "
             f"`creative-nao agent train {name}`"
         )
-    known = (*UNTRAINED, PPO, *shipped_agents())
-    raise NotFoundError(
-        f"no agent `{name}`{nearest_name(name, known)}; there are: {', '.join(known)}, bundle files, and "
-        "package.module:factory for your own"
-    )
+    else:
+        known = (*UNTRAINED, PPO, *shipped_agents())
+        raise NotFoundError(
+            f"no agent `{name}`{nearest_name(name, known)}; there are: {', '.join(known)}, bundle files, and "
+            "package.module:factory for your own"
+        )
+    return name
 
 
 def resolve_agent(name: str, bundle: Path | None = None) -> Agent:
-    """Make the agent that takes part under this name.
-
-    Args:
-        name: Agent or bundle.
-        bundle: Bundle of an agent that was trained on the spot.
+    """Make the agent that takes part under this name; `bundle` is that of one trained on the spot.
 
     Raises:
-        NotFoundError: If there is no such agent or bundle.
-        FileFormatError: If a bundle is damaged.
+        CreativeNaoError: As of `check_agent`.
     """
     if in_bundle(name):
         trained = load_bundle(name)

@@ -8,7 +8,7 @@ import creative_nao as cn
 from creative_nao.agents import UNTRAINED, Agent, Context, OracleAgent, make_agent
 from creative_nao.agents.black_box import OracleSettings
 from creative_nao.errors import SettingsError
-from creative_nao.evaluation.job_handlers import score_memory
+from creative_nao.evaluation.job_handlers import score_map
 from creative_nao.evaluation.protocol import play
 
 MENTAL = "CreativeNao/BoxingMental-v0"
@@ -27,8 +27,10 @@ def oracle(env):
     return play(OracleAgent(OracleSettings(RESOLUTION)), env, env_id=MENTAL, memory="half/10", seed=0)
 
 
-def test_the_environment_pays_the_oracle_what_the_map_promises(env, oracle):
-    _, charted = score_memory(env.unwrapped.memory, RESOLUTION, 30)
+def test_the_environment_pays_the_oracle_what_the_map_promises(oracle, tmp_path):
+    memory = {"name": "half/10", "file": None}
+    spec = {"env": MENTAL, "memory": memory, "resolution": RESOLUTION, "n_actions": 30, "chart": "map.npz"}
+    charted = score_map(spec, tmp_path, lambda _: None)
     assert [action.reward for action in oracle.actions] == pytest.approx(charted["oracle_rewards"], abs=1e-5)
     assert [[action.pb_1, action.pb_2] for action in oracle.actions] == pytest.approx(
         np.array(charted["oracle_pb"]), abs=1e-7

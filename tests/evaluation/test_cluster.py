@@ -9,10 +9,9 @@ import time
 import pytest
 
 from creative_nao.errors import MissingDependencyError, NotFoundError, SettingsError
-from creative_nao.evaluation import cluster
-from creative_nao.evaluation.cluster import DaskExecutor, do_job
+from creative_nao.evaluation import runner
 from creative_nao.evaluation.jobs import plan, read_result
-from creative_nao.evaluation.runner import JobError, LocalExecutor
+from creative_nao.evaluation.runner import DaskExecutor, JobError, LocalExecutor, do_job
 
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
@@ -92,7 +91,7 @@ def test_a_worker_killed_in_the_middle_costs_time_and_nothing_else(two_workers, 
     def refuse(*_):
         raise AssertionError("a finished job was done again")
 
-    monkeypatch.setattr(cluster, "do_job", refuse)
+    monkeypatch.setattr(runner, "do_job", refuse)
     assert DaskExecutor(address).run(jobs, far, lambda _: None) == results
 
 
@@ -107,7 +106,7 @@ def test_a_mistake_is_told_and_the_rest_is_finished(two_workers, jobs, tmp_path)
 
 @pytest.mark.slow
 def test_a_worker_with_another_version_is_refused(two_workers, jobs, tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "__version__", "9.9")
+    monkeypatch.setattr(runner, "__version__", "9.9")
     with pytest.raises(
         SettingsError, match=r"worker tcp://127.0.0.1:\d+ should have creative-nao 9.9, as here, but has"
     ):
@@ -125,7 +124,7 @@ def test_a_worker_does_a_job_in_an_empty_folder_and_hands_its_files_back(jobs, i
 
 def test_no_scheduler_is_said(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
+    monkeypatch.setattr(runner, "CONNECT_S", 0.5)
     with pytest.raises(
         NotFoundError, match=r"no Dask scheduler at `tcp://127.0.0.1:1` .*start one with `dask scheduler`"
     ):

@@ -12,9 +12,9 @@ import pytest
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import Job, plan, read_result, read_spec, write_result, write_spec
 from creative_nao.evaluation.runner import JobError, LocalExecutor
-from creative_nao.evaluation.suites import find_suite, shipped_suites
+from creative_nao.evaluation.suites import SUITE_NAMES, find_suite
 
-SUITES = shipped_suites()
+SUITES = {name: find_suite(name) for name in SUITE_NAMES}
 
 
 def play_job(seeds=(0,), agent="random", name=None, **changes):
@@ -82,7 +82,7 @@ def test_a_result_counts_only_for_its_own_spec(tmp_path):
     write_result(job, tmp_path, {"episodes": []})
     assert read_result(job, tmp_path) == {"episodes": []}
     assert read_result(play_job(base_seed=1), tmp_path) is None
-    job.result_path(tmp_path).write_text("{torn")
+    job.file(tmp_path, ".result.json").write_text("{torn")
     assert read_result(job, tmp_path) is None
 
 
@@ -90,7 +90,7 @@ def test_a_finished_job_is_not_done_again(tmp_path, in_workers):
     job = play_job()
     write_result(job, tmp_path, {"episodes": "done before"})
     assert LocalExecutor(1).run([job], tmp_path) == {job.name: {"episodes": "done before"}}
-    assert not job.log_path(tmp_path).exists()  # no process was started
+    assert not job.file(tmp_path, ".log").exists()  # no process was started
 
 
 def test_progress_ends_with_all_done(tmp_path, in_workers):
@@ -124,7 +124,7 @@ def test_a_user_s_mistake_is_told_in_the_job_s_own_words_and_not_tried_again(tmp
     job = play_job(agent="randon")
     with pytest.raises(JobError, match=r"job `play-randon-0` failed: no agent `randon` \(did you mean `random`\?\)"):
         LocalExecutor(1).run([job], tmp_path)
-    assert job.log_path(tmp_path).read_text().count("no agent") == 1
+    assert job.file(tmp_path, ".log").read_text().count("no agent") == 1
 
 
 def test_ctrl_c_stops_the_workers_and_keeps_what_is_finished(tmp_path, in_workers):
@@ -132,13 +132,13 @@ def test_ctrl_c_stops_the_workers_and_keeps_what_is_finished(tmp_path, in_worker
     second = dataclasses.replace(second, seconds=1.0)  # the shorter is expected to be, the later it starts
 
     def interrupt(progress):
-        if progress.n_done == 1 and second.progress_path(tmp_path).exists():
+        if progress.n_done == 1 and second.file(tmp_path, ".progress").exists():
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         LocalExecutor(1).run([first, second], tmp_path, on_progress=interrupt)
     time.sleep(1.0)  # a worker still alive would report again
-    assert not second.progress_path(tmp_path).exists()
+    assert not second.file(tmp_path, ".progress").exists()
     assert [read_result(job, tmp_path) is not None for job in (first, second)] == [True, False]
     assert not list(tmp_path.glob("jobs/.*"))  # nothing half-written
 

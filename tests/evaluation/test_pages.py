@@ -3,8 +3,7 @@
 import jinja2
 import pytest
 
-from creative_nao.evaluation.pages import code, interval, md, render
-from creative_nao.evaluation.tables import markdown_table
+from creative_nao.evaluation.pages import code, interval, markdown_table, md, render
 
 HOSTILE = "a|b `c` <script>x</script> [l](http://evil) *d* \u202egnp.exe\x1b[31m\nnext"
 

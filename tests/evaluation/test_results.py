@@ -8,12 +8,11 @@ import fake_boxing
 import pytest
 
 from creative_nao.agents import make_agent
-from creative_nao.evaluation.pages import render
+from creative_nao.evaluation.pages import env_label, render
 from creative_nao.evaluation.protocol import play
 from creative_nao.evaluation.report import findings, notes
 from creative_nao.evaluation.results import Measured, Oracle, make_results
 from creative_nao.evaluation.suites import trained_here
-from creative_nao.evaluation.tables import env_label
 
 MENTAL = "fake_boxing:Fake/BoxingMental-v0"
 

@@ -9,10 +9,10 @@ import pytest
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan
+from creative_nao.evaluation.pages import MEASURED_COLUMNS, figure, markdown_table
 from creative_nao.evaluation.results import MEASURED, collect, read_results
 from creative_nao.evaluation.run import evaluate, input_hashes, open_folder
 from creative_nao.evaluation.runner import LocalExecutor
-from creative_nao.evaluation.tables import MEASURED_COLUMNS, figure, markdown_table
 
 
 def timeless(results):

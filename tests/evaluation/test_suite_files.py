@@ -12,7 +12,7 @@ from creative_nao.demonstrations import load_demonstrations, save_demonstrations
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan
 from creative_nao.evaluation.runner import LocalExecutor
-from creative_nao.evaluation.suites import SUITE_NAMES, Taught, find_suite, shipped_suites, suite_from_values
+from creative_nao.evaluation.suites import SUITE_NAMES, Taught, find_suite, suite_from_values
 from creative_nao.model import load_memory, split_memories
 
 GOOD = 'agents = ["random"]\nenvs = ["CreativeNao/BoxingMental-v0"]\nmemories = ["half/0"]\n'
@@ -41,7 +41,7 @@ def test_quick_is_what_it_always_was():
 def test_the_suites_of_the_benchmark_ship():
     assert SUITE_NAMES[0] == "quick"
     assert set(SUITE_NAMES) >= {"quick", "search", "physical", "modulation", "transfer"}
-    assert all(suite.name == name and suite.about for name, suite in shipped_suites().items())
+    assert all(find_suite(name).name == name and find_suite(name).about for name in SUITE_NAMES)
 
 
 def test_search_judges_on_memories_that_no_training_sees():

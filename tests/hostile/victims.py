@@ -89,8 +89,7 @@ OWN_FILES = {
     "creative_nao/evaluation/paper/claims.py": "what the paper says, which ships",
     "creative_nao/evaluation/paper/page.py": "results it has just written",
     "creative_nao/evaluation/paper/summary.py": "figures it kept, done again when they do not fit",
-    "creative_nao/evaluation/cluster.py": "what its own job wrote",
-    "creative_nao/evaluation/runner.py": "logs of its own jobs",
+    "creative_nao/evaluation/runner.py": "logs of its own jobs, and what they wrote",
     "creative_nao/explorer/page.py": "its style sheet, the recording it has just written",
     "creative_nao/explorer/static_export.py": "files of the page",
     "creative_nao/explorer/teach_page.py": "its style sheets",
@@ -327,7 +326,7 @@ def _jobs(folder: Path) -> dict[str, Victim]:
 
     return {
         "job": Victim(spec, read_spec, use=dataclasses.asdict),
-        "job_result": Victim(job.result_path(folder), result, lenient=True),
+        "job_result": Victim(job.file(folder, ".result.json"), result, lenient=True),
     }
 
 
