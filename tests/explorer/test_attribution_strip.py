@@ -48,6 +48,7 @@ def test_a_name_cannot_become_markup(service):
     assert page.count("&lt;b&gt;bold") == 2
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_strip_in_step_with_the_robot(visit, server, service):
     learned = service.memory.pb[2]
     tab = visit(f"{server.url}?x={learned[0]}&y={learned[1]}")

@@ -103,6 +103,7 @@ def numbers(pb_map, name):
 SHOWN = """(name) => document.getElementById("legend").dataset.of === name"""
 
 
+@pytest.mark.slow
 def test_it_has_every_colouring_of_the_served_page(page, drawn_maps):
     assert page.locator("#colour option").evaluate_all("all => all.map((one) => one.value)") == list(NAMES)
     assert page.locator("#colour option").all_inner_texts() == list(NAMES.values())
@@ -121,6 +122,7 @@ def test_it_has_every_colouring_of_the_served_page(page, drawn_maps):
         assert error.mean() < 0.006, name
 
 
+@pytest.mark.slow
 def test_the_colour_under_the_cursor_is_told_as_a_number(page, drawn_maps):
     pb_map, _ = drawn_maps
     box = page.locator("#map").bounding_box()
@@ -141,6 +143,7 @@ def test_the_colour_under_the_cursor_is_told_as_a_number(page, drawn_maps):
                 assert said.endswith(": none, the movement cannot be used")
 
 
+@pytest.mark.slow
 def test_colours_are_chosen_with_keys_and_the_legend_follows(page):
     page.locator("#colour").select_option("nearest")
     page.wait_for_function(SHOWN, arg="nearest")

@@ -27,6 +27,7 @@ def colours(tab, name):
     tab.page.get_by_role("option", name=name, exact=True).click()
 
 
+@pytest.mark.slow
 def test_the_colours_tell_a_measure_with_its_unit_and_stay_in_the_address(visit, server):
     tab = visit(server.url)
     before = tab.page.evaluate(SOURCE)
@@ -61,6 +62,7 @@ def test_a_click_is_answered_while_colours_are_worked_out(visit, server):
     tab.page.wait_for_function(LEGEND, arg="neighbouring movements [rad]", timeout=90_000)
 
 
+@pytest.mark.slow
 def test_the_wheel_zooms_round_the_pointer_and_a_click_is_exact(visit, server):
     tab = visit(server.url)
     tab.page.mouse.move(*tab.place(0.5, 0.5))

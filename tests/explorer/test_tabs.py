@@ -52,6 +52,7 @@ def playwright_error(playwright_run):
     return Error
 
 
+@pytest.mark.slow
 def test_closed_and_crashed_tabs_leave_nothing(watched, visit, playwright_error):
     closed, crashed, staying = visit(watched.url), visit(watched.url), visit(watched.url)
     for tab in (closed, crashed, staying):

@@ -53,6 +53,7 @@ def test_a_slider_turns_the_joint_and_too_fast_is_said_at_once(teach):
     tab.says(FIT)
 
 
+@pytest.mark.slow
 def test_what_takes_the_focus_says_its_joint_and_its_value(teach):
     tab = teach()
     slider = tab.page.get_by_role("slider", name="LShoulderPitch")
@@ -67,6 +68,7 @@ def test_what_takes_the_focus_says_its_joint_and_its_value(teach):
     assert slider.count() == 1
 
 
+@pytest.mark.slow
 def test_the_posture_shown_is_that_of_the_key(teach):
     tab = teach()
     tab.page.get_by_role("button", name="Key at 0.70 s").click()

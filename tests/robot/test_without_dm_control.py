@@ -4,6 +4,8 @@ import json
 import subprocess
 import sys
 
+import pytest
+
 WITHOUT = "import sys; sys.modules['dm_control'] = None; "  # as if it were not installed, in a process of its own
 
 
@@ -29,6 +31,7 @@ import creative_nao.robot, creative_nao.demonstrations, creative_nao.explorer, c
     assert done.stdout == "(2,)\n"
 
 
+@pytest.mark.slow
 def test_commands_that_simulate_the_robot_work(tmp_path):
     code = f"""
 import os; os.chdir({str(tmp_path)!r})
@@ -58,6 +61,7 @@ except cn.MissingDependencyError as error:
     assert done.stdout.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_doctor_names_what_is_missing():
     done = run("from creative_nao.cli import main; sys.exit(main(['doctor', '--json']))")
 
