@@ -1,17 +1,72 @@
-"""What many tests share: a tiny trained memory, made once."""
+"""What many tests share: a tiny trained memory, made once; and how two workers share the work of a whole run."""
 
 import os
 
 # Two threads of torch on two busy cores are up to ten times slower than one. Before anything imports it.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
+from creative_nao import measures, storage
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
-from creative_nao.model import Memory, NetworkSettings, TrainingSettings, train_network
+from creative_nao.model import Memory, NetworkSettings, TrainingSettings, load_memory, train_network
 
 TINY = NetworkSettings(layer_sizes=(12, 6, 3))
+MANY = 200
+"""From so many tests on, the compiled kernels are warmed up before the first."""
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Give each file to one worker, but all of the explorer to the same: its tests share a server and a browser."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class FilesAndExplorer(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            return "tests/explorer" if nodeid.startswith("tests/explorer/") else super()._split_scope(nodeid)
+
+    return FilesAndExplorer(config, log) if config.option.dist == "loadfile" else None
+
+
+def _generate():
+    load_memory("half/0").generate(np.zeros((40, 2)))
+
+
+def _recognise():
+    memory = load_memory("half/0")
+    memory.infer_pb(memory.demonstrations.trajectories[0], n_restarts=2)
+
+
+def _compare():
+    demos = load_demonstrations()
+    measures.score(list(demos.trajectories), demos)
+
+
+def _step():
+    env = gym.make("CreativeNao/BoxingMental-v0", memory="half/0")
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+
+
+def _train():
+    train_network(load_demonstrations(), TrainingSettings(n_epochs=1), TINY, command="test")
+
+
+WARM_UPS = ((_generate, _train, _recognise, _step, _compare), (_compare, _generate, _step, _recognise, _train))
+"""In two orders: what another worker is compiling is waited for, and then read from the cache."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kernels(request, tmp_path_factory):
+    """In a whole run, have each kernel compiled by one worker and read from the cache by the others."""
+    worker = os.environ.get("PYTEST_XDIST_WORKER")
+    if worker is None or len(request.session.items) < MANY:
+        return
+    for warm_up in WARM_UPS[int(worker.removeprefix("gw")) % 2]:
+        with storage.alone(tmp_path_factory.getbasetemp().parent / f"kernels{warm_up.__name__}"):
+            warm_up()
 
 
 @pytest.fixture(scope="session")
