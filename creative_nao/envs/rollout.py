@@ -95,10 +95,10 @@ class RolloutBatch:
         """Write posture, P_S and phase into the observations."""
         observations = self._observations
         share = 2.0 * (self.posture[env_ids] - self._low) / (self._high - self._low) - 1.0
-        observations.set_part(env_ids, "posture", np.clip(share, -1.0, 1.0))
+        observations.set_part(env_ids, "posture", np.minimum(np.maximum(share, -1.0), 1.0))
         n_slow = self._generator(0).n_slow
         slow = np.concatenate([self._under_way[env_id].activity[:, -n_slow:] for env_id in env_ids])
-        observations.set_part(env_ids, "slow", np.clip(slow, -1.0, 1.0))
+        observations.set_part(env_ids, "slow", np.minimum(np.maximum(slow, -1.0), 1.0))
         observations.set_part(env_ids, "phase", self.n_decided[env_ids] / self.n_decisions)
 
     def get_state(self, env_id: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
