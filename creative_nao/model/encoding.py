@@ -25,14 +25,11 @@ class SoftmaxEncoding:
     short.
 
     Args:
-        low: Smallest angle of each joint [rad], shape (n_joints,).
-        high: Largest angle of each joint [rad], shape (n_joints,), greater than `low`.
-        n_units: Softmax units per joint, at least 2.
-        sigma: Width of the code, positive.
-        sigma_unit: `spacing2` or `rad2`.
+        low, high: Smallest and largest angle of each joint [rad], shape (n_joints,), `high` greater than `low`.
+        n_units, sigma, sigma_unit: As `n_softmax_units`, `sigma` and `sigma_unit` of `NetworkSettings`.
 
     Raises:
-        SettingsError: If a joint has no range or a setting is out of range.
+        SettingsError: If a joint has no range.
 
     Example:
         >>> encoding = SoftmaxEncoding(low=[-1.0], high=[1.0], n_units=3, sigma=0.5)

@@ -147,7 +147,7 @@ def test_without_a_writable_place_the_code_is_compiled_anew():
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names x86 processors")
-@pytest.mark.parametrize("processor", ["generic", "x86-64-v3"])
+@pytest.mark.parametrize("processor", ["generic", pytest.param("x86-64-v3", marks=pytest.mark.slow)])
 def test_it_runs_on_processors_without_wide_registers(processor, tmp_path):
     """Vectors that are wider than the registers are split by the compiler."""
     assert run_in({"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(tmp_path)}) == 16

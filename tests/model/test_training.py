@@ -60,12 +60,12 @@ def test_the_best_epoch_is_kept_not_the_last(waves):
 
 @pytest.mark.parametrize("engine", ["fused", "reference"])
 def test_a_resumed_run_has_the_bits_of_an_uninterrupted_one(waves, tmp_path, engine):
-    settings = TrainingSettings(n_epochs=450, seed=4, engine=engine)
+    settings = TrainingSettings(n_epochs=250, seed=4, engine=engine)
     whole = train_network(waves, settings, TINY)
     stop = threading.Event()
 
     def interrupt(_, state):
-        if state.epoch >= 200:
+        if state.epoch >= 100:
             stop.set()
 
     with pytest.raises(KeyboardInterrupt):
