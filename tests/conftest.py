@@ -18,16 +18,20 @@ MANY = 200
 """From so many tests on, the compiled kernels are warmed up before the first."""
 
 
+TOGETHER = ("tests/explorer/", "tests/evaluation/test_")
+"""What begins so is run by one worker: these tests share a server and a browser, and a finished run."""
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Give each file to one worker, but all of the explorer to the same: its tests share a server and a browser."""
+    """Give each file to one worker, as `--dist loadfile` does, and all files of `TOGETHER` to the same."""
     from xdist.scheduler import LoadFileScheduling
 
-    class FilesAndExplorer(LoadFileScheduling):
+    class Scheduling(LoadFileScheduling):
         def _split_scope(self, nodeid):
-            return "tests/explorer" if nodeid.startswith("tests/explorer/") else super()._split_scope(nodeid)
+            return next((start for start in TOGETHER if nodeid.startswith(start)), super()._split_scope(nodeid))
 
-    return FilesAndExplorer(config, log) if config.option.dist == "loadfile" else None
+    return Scheduling(config, log) if config.option.dist == "loadfile" else None
 
 
 def _generate():
