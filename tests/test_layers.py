@@ -86,3 +86,9 @@ def test_the_package_keeps_its_size():
     """At most 140 files, 27,000 lines, none above 450: a new file or mechanism takes the place of another."""
     lines = [n for room in structure.rooms(PACKAGE.parent).values() for n in room]
     assert (len(lines) <= 140, sum(lines) <= 27_000, max(lines) <= 450) == (True, True, True)
+
+
+def test_no_two_test_files_share_a_name():
+    """Without packages among the tests, pytest cannot collect two files of one name."""
+    names = [path.name for path in Path(__file__).parent.rglob("test_*.py")]
+    assert sorted(names) == sorted(set(names))
