@@ -154,3 +154,11 @@ def test_the_site_is_built_without_a_warning(tmp_path):
 
     assert result.returncode == 0, result.stdout + result.stderr
     assert (tmp_path / "site" / "index.html").is_file()
+
+
+@pytest.mark.parametrize(("walk", "most"), [("One PB value, from", 10), ("One recording, from", 40)])
+def test_a_walk_through_the_code_enters_few_files(walk, most):
+    (section,) = re.findall(rf"## {walk}.*?(?=\n## )", TEXTS["docs/architecture.md"], re.DOTALL)
+    entered = set(re.findall(r"`((?:[a-z_]+/)+[a-z_]+\.py)`", section))
+    assert 5 <= len(entered - {"envs/vector_env.py", "envs/rollout.py"}) <= most
+    assert all((ROOT / "creative_nao" / path).is_file() for path in entered)
