@@ -7,7 +7,8 @@ their sentences are in `templates/results.md.jinja` and `templates/leaderboard.m
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -132,17 +133,22 @@ def _search(results: Results) -> dict[str, Any]:
 def _performed(results: Results) -> dict[str, Any]:
     """Return what physical execution changes, agent by agent, and why actions were refused."""
     imagined, performed = _entries(results, MENTAL), {entry["agent"]: entry for entry in _entries(results, PHYSICAL)}
+    outcomes: dict[str, Counter[str]] = {entry["agent"]: Counter() for entry in imagined}
+    for row in results["rows"]:
+        if row["env"] == PHYSICAL:
+            outcomes[row["agent"]].update(row["outcomes"])
     rows = [
         {
             "agent": entry["agent"],
             "imagined": entry,
             "performed": performed[entry["agent"]],
             "change_pct": 100.0 * (performed[entry["agent"]]["reward"]["mean"] / entry["reward"]["mean"] - 1.0),
-            "refused_pct": _refused_pct(results, entry["agent"]),
+            "refused_pct": _refused_pct(outcomes[entry["agent"]]),
         }
         for entry in imagined
     ]
-    counts = _refusals(row["outcomes"] for row in results["rows"] if row["env"] == PHYSICAL)
+    refused = {name: sum(counts[name] for counts in outcomes.values()) for name in REFUSALS}
+    reasons = [(name.replace("_", " "), count) for name, count in refused.items() if count]
     changes = [row["change_pct"] for row in rows]
     return {
         "n_actions": results["rows"][0]["n_actions"],
@@ -151,18 +157,12 @@ def _performed(results: Results) -> dict[str, Any]:
         "largest_change": max(changes),
         "ahead": [name for name, entry in performed.items() if entry["versus"] and verdict(entry) == "ahead"],
         "rows": rows,
-        "reasons": sorted(((n.replace("_", " "), k) for n, k in counts.items() if k), key=lambda item: -item[1]),
+        "reasons": sorted(reasons, key=lambda item: -item[1]),
     }
 
 
-def _refused_pct(results: Results, agent: str) -> float:
-    outcomes = [row["outcomes"] for row in results["rows"] if (row["env"], row["agent"]) == (PHYSICAL, agent)]
-    return 100.0 * sum(_refusals(outcomes).values()) / sum(sum(counts.values()) for counts in outcomes)
-
-
-def _refusals(outcomes: Iterable[Mapping[str, int]]) -> dict[str, int]:
-    outcomes = list(outcomes)
-    return {name: sum(counts.get(name, 0) for counts in outcomes) for name in REFUSALS}
+def _refused_pct(counts: Counter[str]) -> float:
+    return 100.0 * sum(counts[name] for name in REFUSALS) / counts.total()
 
 
 def _modulation(results: Results) -> dict[str, Any]:
@@ -234,12 +234,7 @@ def with_record(folder: Path) -> dict[str, Any]:
 def publish(folders: Sequence[Path], docs: Path) -> list[Path]:
     """Copy the results of run folders to `docs` and write `leaderboard.md` and `results.md` of all that are there.
 
-    Args:
-        folders: Finished run folders of different suites; one of a suite replaces the published one.
-        docs: Folder of the documentation.
-
-    Returns:
-        What was written.
+    A run replaces the published one of its suite. Returns what was written.
 
     Raises:
         SettingsError: If `docs` is no folder, or two runs are of one suite.

@@ -56,12 +56,7 @@ def write_report(
 ) -> Path:
     """Draw the figures of a run folder, write `report.html` beside them and return its path.
 
-    Args:
-        folder: Run folder; its maps are read.
-        suite: What was evaluated.
-        results: The content of `results.json`.
-        measured: All episodes, trainings and oracles.
-        record: The content of `run.json`.
+    The folder's maps are read; `results` is the content of `results.json`, `record` that of `run.json`.
     """
     maps = {memory: PBMap.load(folder / "maps" / f"{slug(memory)}.npz") for memory in shown_memories(suite)}
     page = pages.render(
@@ -186,16 +181,8 @@ def draw_figures(
 ) -> list[dict[str, Any]]:
     """Draw every figure into the subfolder `figures` of a run folder.
 
-    Args:
-        folder: Run folder.
-        suite: What was evaluated.
-        results: The content of `results.json`.
-        measured: All episodes, trainings and oracles.
-        maps: The map of each memory that is drawn.
-
-    Returns:
-        Of each figure its `name` (the report knows title and caption), its `memory` (None for one over all) and the
-        `path` of the file that is put into the page.
+    Returns of each its `name` (the report knows title and caption), its `memory` (None for one over all) and the `path`
+    of the file that is put into the page.
     """
     found = []
     several = len(suite.memories) > 1
@@ -261,15 +248,7 @@ def memory_of(name: str, folder: Path) -> Memory | None:
 
 
 def film(memory: Memory, episode: Episode) -> Figure | None:
-    """Draw the finds of an episode that earned most.
-
-    Args:
-        memory: The memory that was searched; its joints are those of NAO.
-        episode: What was found.
-
-    Returns:
-        The figure; None where this machine cannot draw the robot, or nothing was found.
-    """
+    """Draw the finds of an episode that earned most; None where this machine cannot draw the robot, or without any."""
     best = sorted((action for action in episode.actions if action.appropriate), key=lambda action: -action.reward)
     if not best:
         return None

@@ -184,12 +184,7 @@ class Measured:
 
 
 def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, Any]]) -> Measured:
-    """Put the jobs' results in order; in which order they came makes no difference.
-
-    Args:
-        suite: What was evaluated.
-        jobs: All jobs of the suite.
-        done: Their results by the jobs' names.
+    """Put the results of jobs, given by the jobs' names, in the order of the suite.
 
     Raises:
         FileFormatError: If a result is damaged; the message names the job.
@@ -217,13 +212,7 @@ def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, A
 
 
 def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[str, Any]:
-    """Return the content of `results.json`.
-
-    Args:
-        suite: What was evaluated.
-        measured: All episodes, trainings and oracles.
-        base_seed: Seed of the whole evaluation; decides the bootstrap samples too.
-    """
+    """Return the content of `results.json`; the seed of the whole evaluation decides the bootstrap samples too."""
     rows = []
     for memory in suite.memories:
         for env in suite.envs:
@@ -287,36 +276,22 @@ def _field(field: str, values: Sequence[float | None], rng: np.random.Generator)
 def summarise(rows: Sequence[Row], *, baseline: str, base_seed: int) -> list[dict[str, Any]]:
     """Return one entry per environment and agent, in the order of the rows.
 
-    Args:
-        rows: Rows of `results.json`.
-        baseline: The agent that the others are compared with, by their rewards on the same memories.
-        base_seed: Seed of the whole evaluation; decides the bootstrap samples.
-
-    Returns:
-        Entries with `agent`, `env`, `n_memories`, `n_seeds`, `n_actions_training`, `reward`, `reward_iqm`,
-        `oracle_share`, `oracle_share_iqm` and `profile` (the last three null without an oracle), and `versus`: null
-        for the baseline, else `baseline`, `probability_of_improvement`, `difference` (of the reward, with the memories
-        kept), `difference_other_memories` (with the memories drawn anew too) and `n_memories_ahead`.
+    `oracle_share`, `oracle_share_iqm` and `profile` are null without an oracle. `versus`, null for the baseline,
+    compares the rewards on the same memories: `difference` keeps the memories, `difference_other_memories` draws them
+    anew too.
     """
     pairs = dict.fromkeys((row["env"], row["agent"]) for row in rows)
     return [_entry(rows, env, agent, baseline, base_seed) for env, agent in pairs]
 
 
-def reward_table(rows: Sequence[Row], env: str, agent: str) -> np.ndarray:
+def _rewards(rows: Sequence[Row]) -> np.ndarray:
     """Return an agent's rewards in an environment, shape (seeds, memories)."""
-    chosen = [row for row in rows if (row["env"], row["agent"]) == (env, agent)]
-    return np.array([list(row["reward_per_seed"].values()) for row in chosen], dtype=np.float64).T
-
-
-def oracle_row(rows: Sequence[Row], env: str, agent: str) -> np.ndarray | None:
-    """Return what the oracle earns on each memory, shape (memories,); None where one has no oracle or it earns 0."""
-    best = [row["oracle_reward"] for row in rows if (row["env"], row["agent"]) == (env, agent)]
-    return np.array(best) if all(best) else None
+    return np.array([list(row["reward_per_seed"].values()) for row in rows], dtype=np.float64).T
 
 
 def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: int) -> dict[str, Any]:
-    first = next(row for row in rows if (row["env"], row["agent"]) == (env, agent))
-    rewards, best = reward_table(rows, env, agent), oracle_row(rows, env, agent)
+    own, others = ([row for row in rows if (row["env"], row["agent"]) == (env, who)] for who in (agent, baseline))
+    rewards, best = _rewards(own), [row["oracle_reward"] for row in own]
 
     def rng(field: str) -> np.random.Generator:
         return np.random.default_rng(seed_sequence(base_seed, agent, env, field))
@@ -326,7 +301,7 @@ def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: 
         "env": env,
         "n_memories": rewards.shape[1],
         "n_seeds": rewards.shape[0],
-        "n_actions_training": first["n_actions_training"],
+        "n_actions_training": own[0]["n_actions_training"],
         "reward": estimate(rewards, rng=rng("reward")).as_json(),
         "reward_iqm": estimate(rewards, rng=rng("reward_iqm"), statistic=iqm).as_json(),
         "oracle_share": None,
@@ -334,8 +309,8 @@ def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: 
         "profile": None,
         "versus": None,
     }
-    if best is not None:
-        shares = rewards / best
+    if all(best):  # every memory has an oracle, which earns something
+        shares = rewards / np.array(best)
         low, high = profile_band(shares, np.array(THRESHOLDS), rng=rng("profile"))
         entry |= {
             "oracle_share": estimate(shares, rng=rng("oracle_share")).as_json(),
@@ -347,8 +322,8 @@ def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: 
                 "high": high.tolist(),
             },
         }
-    if agent != baseline and any((row["env"], row["agent"]) == (env, baseline) for row in rows):
-        theirs = reward_table(rows, env, baseline)
+    if agent != baseline and others:
+        theirs = _rewards(others)
         # The two agents' seeds are independent: any pairing has the same mean, and an interval that holds.
         difference = rewards - theirs
         entry["versus"] = {
