@@ -206,10 +206,18 @@ def unpack_npz(path: Path, what: str, content: bytes, largest: int = MAX_UNPACKE
                     f"{path}: a {what} has at most {MAX_MEMBERS} arrays and {largest} bytes unpacked, but this file "
                     f"announces {len(members)} and {unpacked}"
                 )
-            names = [_array_name(where, member.filename) for member in members]
+            names = [member.filename.removesuffix(".npy") for member in members]
+            for name, member in zip(names, members, strict=True):
+                # Nothing is ever unpacked to disk, but a name that is a path tells a foreign file.
+                if name in ("", member.filename) or any(mark in name for mark in ("/", "\\", "\0", "..", ":")):
+                    told = f"{member.filename[:60]!r}, expected arrays as plain names with `.npy`"
+                    raise FileFormatError(f"{where}: the archive holds {told}")
             if twice := sorted({name for name in names if names.count(name) > 1}):
                 raise FileFormatError(f"{where}: the array `{twice[0][:60]}` is in it twice")
-            return {name: _array(where, archive, member) for name, member in zip(names, members, strict=True)}
+            return {
+                name: _array(f"{where}: the array `{name[:60]}`", archive, member)
+                for name, member in zip(names, members, strict=True)
+            }
     except FileFormatError:
         raise
     except _BROKEN_ZIP as error:
@@ -217,16 +225,7 @@ def unpack_npz(path: Path, what: str, content: bytes, largest: int = MAX_UNPACKE
         raise FileFormatError(f"{where}: no readable NPZ file: {reason}") from error
 
 
-def _array_name(where: str, member: str) -> str:
-    """Return the array's name; nothing is ever unpacked to disk, but a name that is a path tells a foreign file."""
-    name = member.removesuffix(".npy")
-    if name == member or not name or any(mark in name for mark in ("/", "\\", "\0", "..", ":")):
-        raise FileFormatError(f"{where}: the archive holds {member[:60]!r}, expected arrays as plain names with `.npy`")
-    return name
-
-
-def _array(file: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
-    where = f"{file}: the array `{_array_name(file, member.filename)[:60]}`"
+def _array(where: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
     with archive.open(member) as stream:
         content = stream.read(member.file_size)  # `read()` would unpack all there is, whatever the contents announce
     width = {1: 2, 2: 4, 3: 4}.get(content[6] if len(content) > 6 else 0)
@@ -240,7 +239,7 @@ def _array(file: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.n
         header = ast.literal_eval(content[start : start + length].decode("utf-8").strip())
         told, order, shape = header["descr"], header["fortran_order"], header["shape"]
         if not isinstance(told, str) or not _PLAIN_TYPE.fullmatch(told):
-            held = _type_name(told)
+            held = "object" if isinstance(told, str) and told.lstrip("|=<>").startswith("O") else shown(told)
             raise FileFormatError(f"{where} holds {held}, expected numbers or text; objects are never unpickled")
         dtype = np.dtype(told)
         sound = isinstance(shape, tuple) and all(type(n) is int and n >= 0 for n in shape)
@@ -254,19 +253,11 @@ def _array(file: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.n
     if not dtype.itemsize:
         raise FileFormatError(f"{where} holds texts of no length")
     flat = np.frombuffer(data, dtype=dtype).astype(dtype.newbyteorder("="))
-    if dtype.kind == "U" and not _is_text(flat):
-        raise FileFormatError(f"{where} holds numbers that stand for no character")
+    if dtype.kind == "U":  # Python falls over what is no character, and halves of pairs cannot be written
+        codes = flat.view(np.uint32)
+        if ((codes > 0x10FFFF) | ((codes >= 0xD800) & (codes < 0xE000))).any():
+            raise FileFormatError(f"{where} holds numbers that stand for no character")
     return flat.reshape(shape, order="F" if order else "C")
-
-
-def _type_name(told: object) -> str:
-    return "object" if isinstance(told, str) and told.lstrip("|=<>").startswith("O") else shown(told)
-
-
-def _is_text(flat: np.ndarray) -> bool:
-    """Return whether every code is a character: Python falls over others, and halves of pairs cannot be written."""
-    codes = flat.view(np.uint32)
-    return not ((codes > 0x10FFFF) | ((codes >= 0xD800) & (codes < 0xE000))).any()
 
 
 def npz_header(path: Path, arrays: dict[str, np.ndarray], what: str) -> Any:

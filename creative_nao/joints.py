@@ -34,16 +34,8 @@ LIMITS_RAD: dict[str, tuple[float, float]] = {
 }
 """Smallest and largest angle of each joint [rad]."""
 
-MAX_SPEED_RAD_S: dict[str, float] = {
-    "RShoulderPitch": 7.94,
-    "RShoulderRoll": 6.47,
-    "RElbowYaw": 7.46,
-    "RElbowRoll": 6.47,
-    "LShoulderPitch": 7.94,
-    "LShoulderRoll": 6.47,
-    "LElbowYaw": 7.46,
-    "LElbowRoll": 6.47,
-}
+_MAX_SPEED_RAD_S = {"ShoulderPitch": 7.94, "ShoulderRoll": 6.47, "ElbowYaw": 7.46, "ElbowRoll": 6.47}
+MAX_SPEED_RAD_S: dict[str, float] = {joint: _MAX_SPEED_RAD_S[joint[1:]] for joint in JOINTS}
 """No-load speed of each joint, from the NAO6 motor data and gear ratios [rad/s]."""
 
 ENCODER_STEP_RAD = 2.0 * np.pi / 4096

@@ -1,8 +1,4 @@
-"""What every result carries: the command, the settings and the versions that made it.
-
-Also here:
-- How many processor cores this process may use.
-"""
+"""What every result carries, the command, settings and versions that made it; and the cores this process may use."""
 
 from __future__ import annotations
 

@@ -35,15 +35,7 @@ from typing import Annotated, Any, TypeVar, dataclass_transform, overload
 
 import numpy as np
 import pydantic.dataclasses
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    ConfigDict,
-    FailFast,
-    Field,
-    TypeAdapter,
-    ValidationError,
-)
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, FailFast, Field, TypeAdapter, ValidationError
 from pydantic_core import ArgsKwargs
 
 from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError, nearest_name, shown
@@ -64,6 +56,10 @@ _LONGEST_TEXT = 20_000
 """Characters of a `LongText`: a command line, a note of several sentences."""
 
 
+_is_writable = re.compile("[^\ud800-\udfff]*").fullmatch
+"""Whether text can be written as UTF-8: JSON may hold halves of characters."""
+
+
 def _must(holds: Callable[[Any], object], expected: str) -> AfterValidator:
     def validate(value: Any) -> Any:
         if not holds(value):
@@ -77,15 +73,6 @@ def _is_plain_name(name: str) -> bool:
     """Return whether a name may become a file's: nothing in it leads elsewhere, hides the file or cannot be seen."""
     letters = _is_name(name) and not any(mark in name for mark in "/\\:")
     return letters and not name.startswith(".") and name == name.strip()
-
-
-def _is_writable(text: str) -> bool:
-    """Return whether text can be written as UTF-8: JSON may hold halves of characters."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def _json_object(value: dict[str, Any]) -> dict[str, Any]:
@@ -248,9 +235,10 @@ def _accepting(annotation: Any) -> Any:
         return typing.Union[tuple(map(_accepting, args))]  # noqa: UP007 - made of what is there
     if origin is tuple:
         inner = tuple(one if one is ... else _accepting(one) for one in args)
-        return Annotated[tuple[inner], *([FailFast()] if ... in args else []), BeforeValidator(_as_tuple)]
+        fast = [FailFast()] if ... in args else []
+        return Annotated[tuple[inner], *fast, BeforeValidator(functools.partial(_as, tuple))]
     if origin is list:
-        return Annotated[list[_accepting(args[0])], FailFast(), BeforeValidator(_as_list)]
+        return Annotated[list[_accepting(args[0])], FailFast(), BeforeValidator(functools.partial(_as, list))]
     if origin is dict:
         return Annotated[dict[_accepting(args[0]), _accepting(args[1])], BeforeValidator(_bounded_keys)]
     return annotation
@@ -262,12 +250,8 @@ def _plain_number(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _as_tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
-
-
-def _as_list(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
+def _as(kind: type, value: Any) -> Any:
+    return kind(value) if isinstance(value, list | tuple) else value
 
 
 def _bounded_keys(value: Any) -> Any:
@@ -304,8 +288,7 @@ def _validated(kind: Any, values: Any, where: str, error: type[CreativeNaoError]
 
 @functools.lru_cache(maxsize=256)
 def _adapter(kind: Any) -> TypeAdapter[Any]:
-    config = None if _is_record(kind) else ConfigDict(strict=True, allow_inf_nan=False)
-    return TypeAdapter(_accepting(kind), config=config)
+    return TypeAdapter(_accepting(kind), config=ConfigDict(strict=True, allow_inf_nan=False))
 
 
 def _message(error: ValidationError, values: Any, where: str, fields: Sequence[str] = ()) -> str:
@@ -385,8 +368,6 @@ def _joined(where: str, path: Iterable[str | int]) -> str:
     """Return the beginning of a message: walk.json: ``rows``, entry 3: ``reward``."""
     text = where
     for part in path:
-        if isinstance(part, int):
-            text += f"{', ' if text else ''}entry {part + 1}"
-        else:
-            text += f"{': ' if text else ''}`{part[:60]}`"
+        mark, name = (", ", f"entry {part + 1}") if isinstance(part, int) else (": ", f"`{part[:60]}`")
+        text += f"{mark if text else ''}{name}"
     return text

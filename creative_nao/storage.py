@@ -91,8 +91,15 @@ def sweep(folder: str | os.PathLike[str]) -> None:
         return
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
-            if entry.name.startswith(".") and f"{_MARK}{_MACHINE}-" in entry.name:
-                _remove_if_abandoned(entry.path)
+            if not (entry.name.startswith(".") and f"{_MARK}{_MACHINE}-" in entry.name):
+                continue
+            with contextlib.suppress(OSError):
+                handle = os.open(entry.path, os.O_RDONLY)
+                try:
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    os.unlink(entry.path)
+                finally:
+                    os.close(handle)
 
 
 @contextlib.contextmanager
@@ -126,17 +133,6 @@ def _create(temporary: Path) -> int:
         if os.fstat(handle).st_nlink:
             return handle
         os.close(handle)  # swept away between its creation and its lock
-
-
-def _remove_if_abandoned(path: str) -> None:
-    assert fcntl is not None
-    with contextlib.suppress(OSError):
-        handle = os.open(path, os.O_RDONLY)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            os.unlink(path)
-        finally:
-            os.close(handle)
 
 
 MAX_TEXT_BYTES = 64_000_000

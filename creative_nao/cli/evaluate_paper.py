@@ -62,7 +62,7 @@ def run(asked: PaperOptions) -> int:
     if asked.resume and asked.out is None:
         raise SettingsError("--resume continues a run folder: name it with --out")
     folder = asked.out or new_folder(SUITE)
-    flags = [f"--{settings.source}"] if settings.trains else []
+    flags = [f"--{settings.source}"] if settings.source != "shipped" else []
     command = " ".join([f"creative-nao evaluate {SUITE}", *flags, f"--seed {settings.seed}"])
     # Progress goes to stderr, so that --json leaves stdout to the figures.
     console = Console(stderr=True)

@@ -215,23 +215,6 @@ _SHORTEST_S = 0.02
 """The robot's motion process takes a new target every 20 ms; more keys would be lost."""
 
 
-def script(motion: Motion, file: str = "movement.py") -> str:
-    """Return the program's text; `file` is the name by which its help calls it."""
-    environment = jinja2.Environment(  # noqa: S701 - a program, no page: every value is a Python literal
-        loader=jinja2.PackageLoader("creative_nao.exchange"),
-        undefined=jinja2.StrictUndefined,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template("naoqi_program.py.jinja").render(
-        file="".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in file),
-        approach=APPROACH_SPEED_RAD_S,
-        names=[ascii(joint) for joint in motion.joints],
-        times=[repr(motion.times_s(motion.lead_s()))] * len(motion.joints),
-        keys=[repr(column.tolist()) for column in motion.angles.T],
-        metadata=ascii(json.dumps(motion.metadata)),
-    )
-
-
 def write_script(motion: Motion, path: Path) -> list[str]:
     """Write the program; finer ticks than 20 ms are brought to 20 ms first."""
     notes = []
@@ -240,6 +223,19 @@ def write_script(motion: Motion, path: Path) -> list[str]:
         times = np.arange(len(motion.angles)) * motion.dt_s
         fine = resample(times, motion.angles, _SHORTEST_S) if len(times) > 1 else motion.angles
         motion = dataclasses.replace(motion, angles=fine, dt_s=_SHORTEST_S)
-    storage.write_text(path, script(motion, path.name))
+    environment = jinja2.Environment(  # noqa: S701 - a program, no page: every value is a Python literal
+        loader=jinja2.PackageLoader("creative_nao.exchange"),
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    text = environment.get_template("naoqi_program.py.jinja").render(
+        file="".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in path.name),
+        approach=APPROACH_SPEED_RAD_S,
+        names=[ascii(joint) for joint in motion.joints],
+        times=[repr(motion.times_s(motion.lead_s()))] * len(motion.joints),
+        keys=[repr(column.tolist()) for column in motion.angles.T],
+        metadata=ascii(json.dumps(motion.metadata)),
+    )
+    storage.write_text(path, text)
     path.chmod(path.stat().st_mode | 0o111)
     return [*notes, f"the first posture is reached after {motion.lead_s():g} s"]

@@ -72,11 +72,8 @@ def film_strip(images: Sequence[np.ndarray], path: str | os.PathLike[str]) -> Pa
     from PIL import Image
 
     _check(images)
-    height, width = images[0].shape[:2]
-    strip = np.full((height, len(images) * (width + _GAP_PX) - _GAP_PX, 3), 255, dtype=np.uint8)
-    for place, image in enumerate(images):
-        start = place * (width + _GAP_PX)
-        strip[:, start : start + width] = image
+    gap = np.full((len(images[0]), _GAP_PX, 3), 255, dtype=np.uint8)
+    strip = np.concatenate([part for image in images for part in (gap, image)][1:], axis=1)
     with storage.replacing(path) as temporary:
         Image.fromarray(strip).save(temporary, format="PNG")
     return Path(path)

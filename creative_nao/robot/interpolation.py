@@ -6,18 +6,11 @@ import numpy as np
 
 
 def monotone_slopes(values: np.ndarray, dt: float) -> np.ndarray:
-    """Return slopes at evenly spaced knots that make a cubic through them monotone wherever the knots are.
+    """Return slopes at 2 or more evenly spaced knots that make a cubic through them monotone wherever the knots are.
 
     Fritsch and Carlson's condition in the form of Fritsch and Butland (1984): inside, the harmonic mean of the two
     neighbouring chords where they have the same sign, else zero; at both ends the three-point formula, limited so that
-    the curve does not overshoot.
-
-    Args:
-        values: Knots, shape (n_knots, n_channels), n_knots >= 2.
-        dt: Time between knots [s].
-
-    Returns:
-        Shape (n_knots, n_channels).
+    the curve does not overshoot. Knots `dt` seconds apart and slopes have the shape (n_knots, n_channels).
     """
     chords = np.diff(values, axis=0) / dt
     if len(chords) == 1:

@@ -202,7 +202,40 @@ class Performer:
         late = min(self._latency_cycles, len(targets))  # cycles until a target has reached the servos
         delayed = np.concatenate([np.repeat(self.guard[None], late, axis=0), targets[: len(targets) - late]])
         states, sensors = self._run(delayed)
-        return self._measure(trajectory, dt_s, cycles_per_tick, targets[approach:], states, sensors, keep_frames)
+
+        asked = targets[approach:]
+        index = self.scene.index
+        low, high = limits()
+        qpos = states[:, 1 : 1 + self.scene.model.nq]
+        n_steps = len(asked) * self._substeps
+        during = qpos[len(qpos) - 1 - n_steps :]
+        felt = {name: sensors[len(sensors) - n_steps :, columns] for name, columns in self._sensors.items()}
+        each_cycle = during[:: self._substeps, index.arm_qpos]
+        error = np.abs(each_cycle[1:] - asked) if len(asked) else np.abs(each_cycle - trajectory)
+        torso = qpos[:, index.torso_qpos : index.torso_qpos + 7]
+        tilt = tilt_rad(torso[:, 3:])
+        saturated = np.abs(felt["torque"]) >= 0.999 * index.arm_effort_nm
+        frame_every = max(1, round(self.settings.frame_dt_s / self._step_s))
+        angles = each_cycle[::cycles_per_tick]
+        if self._noise_rad > 0 and self._rng is not None:
+            angles = angles + self._rng.normal(0.0, self._noise_rad, angles.shape)
+        return Performance(
+            measured=read_encoder(angles),
+            commanded=trajectory,
+            dt_s=dt_s,
+            mean_error_rad=error.mean(axis=0),
+            max_error_rad=error.max(axis=0),
+            saturated_share=_share(saturated),
+            limit_excess_rad=float(np.maximum(low - trajectory, trajectory - high).max(initial=0.0)),
+            self_collision_share=float(_share(felt["self"][:, 0] > 0)),
+            fell=has_fallen(torso[:, 2], tilt),
+            lowest_torso_m=float(torso[:, 2].min()),
+            largest_tilt_rad=float(tilt.max()),
+            hits=Hits.from_force(np.linalg.norm(felt["bag"], axis=1), self._step_s),
+            fist_peak_speed_m_s=np.linalg.norm(felt["fists"].reshape(-1, 2, 3), axis=2).max(axis=0, initial=0.0),
+            frames=during[::frame_every].copy() if keep_frames else None,
+            frame_dt_s=frame_every * self._step_s if keep_frames else 0.0,
+        )
 
     def _targets(self, trajectory: np.ndarray, dt_s: float, cycles_per_tick: int) -> tuple[np.ndarray, int]:
         """Return the target at the end of every cycle, shape (n_cycles, 8), and the cycles of the approach."""
@@ -236,49 +269,6 @@ class Performer:
             sensordata=sensors,
         )
         return np.concatenate([self._start[None], states[0]]), sensors[0]
-
-    def _measure(
-        self,
-        trajectory: np.ndarray,
-        dt_s: float,
-        cycles_per_tick: int,
-        targets: np.ndarray,
-        states: np.ndarray,
-        sensors: np.ndarray,
-        keep_frames: bool,
-    ) -> Performance:
-        index = self.scene.index
-        low, high = limits()
-        qpos = states[:, 1 : 1 + self.scene.model.nq]
-        n_steps = len(targets) * self._substeps
-        during = qpos[len(qpos) - 1 - n_steps :]
-        felt = {name: sensors[len(sensors) - n_steps :, columns] for name, columns in self._sensors.items()}
-        each_cycle = during[:: self._substeps, index.arm_qpos]
-        error = np.abs(each_cycle[1:] - targets) if len(targets) else np.abs(each_cycle - trajectory)
-        torso = qpos[:, index.torso_qpos : index.torso_qpos + 7]
-        tilt = tilt_rad(torso[:, 3:])
-        saturated = np.abs(felt["torque"]) >= 0.999 * index.arm_effort_nm
-        frame_every = max(1, round(self.settings.frame_dt_s / self._step_s))
-        angles = each_cycle[::cycles_per_tick]
-        if self._noise_rad > 0 and self._rng is not None:
-            angles = angles + self._rng.normal(0.0, self._noise_rad, angles.shape)
-        return Performance(
-            measured=read_encoder(angles),
-            commanded=trajectory,
-            dt_s=dt_s,
-            mean_error_rad=error.mean(axis=0),
-            max_error_rad=error.max(axis=0),
-            saturated_share=_share(saturated),
-            limit_excess_rad=float(np.maximum(low - trajectory, trajectory - high).max(initial=0.0)),
-            self_collision_share=float(_share(felt["self"][:, 0] > 0)),
-            fell=has_fallen(torso[:, 2], tilt),
-            lowest_torso_m=float(torso[:, 2].min()),
-            largest_tilt_rad=float(tilt.max()),
-            hits=Hits.from_force(np.linalg.norm(felt["bag"], axis=1), self._step_s),
-            fist_peak_speed_m_s=np.linalg.norm(felt["fists"].reshape(-1, 2, 3), axis=2).max(axis=0, initial=0.0),
-            frames=during[::frame_every].copy() if keep_frames else None,
-            frame_dt_s=frame_every * self._step_s if keep_frames else 0.0,
-        )
 
 
 def _share(flags: np.ndarray) -> np.ndarray:

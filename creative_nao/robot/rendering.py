@@ -187,8 +187,10 @@ class Renderer:
     ) -> None:
         import mujoco
 
+        from creative_nao.robot.software_rendering import SoftwareCanvas
         from creative_nao.schema import Count, checked
 
+        global _warned
         width, height = checked(Count, width, "width"), checked(Count, height, "height")
         smooth = checked(Count, smooth, "smooth")
         if backend not in _BACKENDS:
@@ -197,8 +199,21 @@ class Renderer:
         self._data = mujoco.MjData(model)
         self._cameras = [model.camera(number).name for number in range(model.ncam)]
         self._canvas: _GLCanvas | SoftwareCanvas | None
-        self._canvas = _canvas(model, width * smooth, height * smooth, shadows, backend)
-        self.software = not isinstance(self._canvas, _GLCanvas)
+        size, chosen = (width * smooth, height * smooth), os.environ.get("MUJOCO_GL", "").lower()
+        self.software = backend == "software" or (backend == "auto" and chosen in OFF and not _none_works)
+        if not self.software:
+            try:
+                self._canvas = _GLCanvas(model, *size, shadows)
+            except (MissingDependencyError, mujoco.FatalError) as error:
+                if backend == "gl" or chosen not in (*OFF, *ON, ""):
+                    raise
+                self.software = True
+                if not _warned:
+                    _warned = True
+                    told = f"frames are drawn in software, slowly and without shadows: {error}"
+                    warnings.warn(told, RuntimeWarning, stacklevel=2)
+        if self.software:
+            self._canvas = SoftwareCanvas(model, *size)
 
     def frame(self, qpos: np.ndarray, camera: str = "close") -> np.ndarray:
         """Draw one state.
@@ -305,28 +320,6 @@ class _GLCanvas:
         self._gl.make_current()
         self._context.free()
         self._gl.free()
-
-
-def _canvas(model: Any, width: int, height: int, shadows: bool, backend: Backend) -> _GLCanvas | SoftwareCanvas:
-    """Open the back end asked for, or the best there is."""
-    import mujoco
-
-    from creative_nao.robot.software_rendering import SoftwareCanvas
-
-    global _warned
-    chosen = os.environ.get("MUJOCO_GL", "").lower()
-    if backend == "software" or (backend == "auto" and chosen in OFF and not _none_works):
-        return SoftwareCanvas(model, width, height)
-    try:
-        return _GLCanvas(model, width, height, shadows)
-    except (MissingDependencyError, mujoco.FatalError) as error:
-        if backend == "gl" or chosen not in (*OFF, *ON, ""):
-            raise
-        if not _warned:
-            _warned = True
-            told = f"frames are drawn in software, slowly and without shadows: {error}"
-            warnings.warn(told, RuntimeWarning, stacklevel=3)
-        return SoftwareCanvas(model, width, height)
 
 
 def _gl_context(width: int, height: int) -> Any:

@@ -130,15 +130,13 @@ def place(model: Any, data: Any, index: Index, name: str) -> None:
     lean = np.arctan2(-sole_to_torso[2, 0], sole_to_torso[0, 0])
     data.qpos[start + 3 : start + 7] = (np.cos(lean / 2), 0, -np.sin(lean / 2), 0)
     mujoco.mj_kinematics(model, data)
-    lowest = min(_lowest_corner(model, data, geom) for geom in index.soles)
+    lowest = min(
+        float(data.geom_xpos[sole, 2] - np.abs(data.geom_xmat[sole].reshape(3, 3)[2]) @ model.geom_size[sole])
+        for sole in index.soles
+    )
     middle = data.xpos[index.feet].mean(axis=0)
     data.qpos[start : start + 3] -= (middle[0], middle[1], lowest)
     mujoco.mj_forward(model, data)
-
-
-def _lowest_corner(model: Any, data: Any, geom: int) -> float:
-    axes = data.geom_xmat[geom].reshape(3, 3)
-    return float(data.geom_xpos[geom, 2] - np.abs(axes[2]) @ model.geom_size[geom])
 
 
 @record

@@ -19,8 +19,6 @@ from creative_nao.schema import Count, Field, Index, record
 CONDITION_NAMES = tuple(CONDITIONS)
 """`open`, `half`, `closed`: closed-loop ratio 0, 0.5 and 1."""
 
-QUICK_SEEDS, QUICK_EPOCHS = 3, 20_000
-
 Report = Callable[[str, int, str], None]
 """Takes the name of a piece of work, how many of its units are done, and a note."""
 
@@ -46,11 +44,6 @@ class PaperSettings:
     network: NetworkSettings = field(default_factory=NetworkSettings)
     """Network that is trained; has no meaning for the shipped ones."""
 
-    @property
-    def trains(self) -> bool:
-        """Whether networks are trained for it."""
-        return self.source != "shipped"
-
 
 def paper_settings(*, quick: bool = False, retrain: bool = False, seed: int = 0) -> PaperSettings:
     """Return the settings that the command's flags ask for.
@@ -61,7 +54,7 @@ def paper_settings(*, quick: bool = False, retrain: bool = False, seed: int = 0)
     if quick and retrain:
         raise SettingsError("--quick trains its own few networks; leave out --retrain, or --quick")
     if quick:
-        return PaperSettings("quick", seed, QUICK_SEEDS, QUICK_EPOCHS)
+        return PaperSettings("quick", seed, n_seeds=3, n_epochs=20_000)
     return PaperSettings("retrain" if retrain else "shipped", seed)
 
 

@@ -6,6 +6,7 @@ of the three conditions side by side (Fig. 4), of every network, and a walk thro
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,8 +31,7 @@ MARKERS = {"open": "o", "half": "s", "closed": "D"}
 LINES: dict[str, Any] = {"open": "-", "half": (0, (5, 1.5)), "closed": (0, (2, 1.2))}
 """Conditions differ in marker and dash too, so that nothing rests on colour alone."""
 
-RIGHT: Any = "-"
-LEFT: Any = (0, (3, 1.5))
+ARMS: dict[str, Any] = {"right": "-", "left": (0, (3, 1.5))}
 """Lines of the two arms."""
 
 N_POINTS = 400
@@ -39,9 +39,6 @@ N_POINTS = 400
 
 WALK = ("right_straight", "left_jab")
 """The walk goes along the straight line between the learned PB values of these two, the pair of the paper's Fig. 5."""
-
-N_STOPS = 6
-"""Evenly spaced points of the walk, both ends among them."""
 
 MAPS_PER_ROW = 8
 
@@ -173,19 +170,22 @@ def examples(networks: Sequence[Network], rng: np.random.Generator) -> tuple[Fig
 def _draw_movement(ax: Axes, trajectory: np.ndarray, demos: Demonstrations) -> None:
     """Draw one movement: right arm solid, left arm dashed, a colour for each pair of joints."""
     seconds = demos.dt_s * np.arange(len(trajectory))
-    pairs = list(dict.fromkeys(joint[1:] for joint in demos.joints))
+    colours = _pair_colours(demos)
     for joint, angles in zip(demos.joints, trajectory.T, strict=True):
-        colour = BASIC_ACTIONS[pairs.index(joint[1:]) % len(BASIC_ACTIONS)]
-        ax.plot(seconds, angles, color=colour, linestyle=RIGHT if joint.startswith("R") else LEFT, linewidth=1.3)
+        line = ARMS["right" if joint.startswith("R") else "left"]
+        ax.plot(seconds, angles, color=colours[joint[1:]], linestyle=line, linewidth=1.3)
     ax.set_xlim(0.0, seconds[-1])
+
+
+def _pair_colours(demos: Demonstrations) -> dict[str, str]:
+    pairs = dict.fromkeys(joint[1:] for joint in demos.joints)
+    return dict(zip(pairs, itertools.cycle(BASIC_ACTIONS), strict=False))
 
 
 def _joint_legend(demos: Demonstrations) -> list[Line2D]:
     """Return legend entries of the joints and of the two arms."""
-    pairs = list(dict.fromkeys(joint[1:] for joint in demos.joints))
-    handles = [Line2D([], [], color=BASIC_ACTIONS[k % len(BASIC_ACTIONS)], label=pair) for k, pair in enumerate(pairs)]
-    arms = (("right arm", RIGHT), ("left arm", LEFT))
-    return [*handles, *(Line2D([], [], color=INK, linestyle=style, label=word) for word, style in arms)]
+    handles = [Line2D([], [], color=colour, label=pair) for pair, colour in _pair_colours(demos).items()]
+    return [*handles, *(Line2D([], [], color=INK, linestyle=line, label=f"{arm} arm") for arm, line in ARMS.items())]
 
 
 def _panels(demos: Demonstrations, shown: Sequence[tuple[str, np.ndarray]], n_columns: int) -> Figure:
@@ -252,7 +252,7 @@ def walk_points(memory: Memory) -> tuple[np.ndarray, tuple[str, str]]:
     names = memory.demonstrations.names
     first, last = WALK if set(WALK) <= set(names) else (names[0], names[-1])
     begin, end = (memory.pb[names.index(name)] for name in (first, last))
-    share = np.linspace(0.0, 1.0, N_STOPS)[:, None]
+    share = np.linspace(0.0, 1.0, 6)[:, None]
     return (1.0 - share) * begin + share * end, (first, last)
 
 

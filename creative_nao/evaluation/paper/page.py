@@ -137,25 +137,19 @@ def findings(study: Mapping[str, Any]) -> list[dict[str, Any]]:
         `study`: `scoring` or `training`. `says`: the claim. `titles`: by verdict, the ways in which it is reached.
         `first`: the condition that should have the largest mean, which it has in `n_first` of `n_ways` ways.
     """
-    result = []
+    found = []
     for kind, claim in itertools.product(("scoring", "training"), DECIDED_BY_TABLE_I):
         rows, first = study[kind], claim.pairs[0][0]
-        titles: dict[str, list[str]] = {HOLDS: [], FAILS: [], UNDECIDED: []}
-        for row in rows:
-            titles[row["verdicts"][claim.key]["verdict"]].append(row["title"])
+        verdicts = [row["verdicts"][claim.key]["verdict"] for row in rows]
+        titles = {
+            verdict: [row["title"] for row, mine in zip(rows, verdicts, strict=True) if mine == verdict]
+            for verdict in (HOLDS, FAILS, UNDECIDED)
+            if verdict in verdicts
+        }
         n_first = sum(row["order"][claim.field][:1] == [first] for row in rows)
-        titles = {verdict: names for verdict, names in titles.items() if names}
-        result.append(
-            {
-                "study": kind,
-                "says": claim.says,
-                "titles": titles,
-                "first": first,
-                "n_first": n_first,
-                "n_ways": len(rows),
-            }
-        )
-    return result
+        place = {"first": first, "n_first": n_first, "n_ways": len(rows)}
+        found.append({"study": kind, "says": claim.says, "titles": titles, **place})
+    return found
 
 
 def to_html(markdown: str, images: Path) -> str:

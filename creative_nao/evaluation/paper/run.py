@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,6 @@ from typing import Any
 from creative_nao import storage
 from creative_nao.errors import SettingsError
 from creative_nao.evaluation.paper.bank import (
-    Entry,
     PaperSettings,
     Report,
     entry_of,
@@ -33,11 +32,6 @@ Watch = Callable[[dict[str, int]], contextlib.AbstractContextManager[Report]]
 """Takes the units of work of each piece by its name, gives what to call as they are done."""
 
 
-@contextlib.contextmanager
-def _unwatched(_: dict[str, int]) -> Iterator[Report]:
-    yield lambda *_: None
-
-
 @dataclass(frozen=True)
 class Reproduction:
     """A finished reproduction: its run folder, and the content of `results.json` and `claims.json`."""
@@ -54,7 +48,7 @@ def reproduce(
     n_workers: int | None = None,
     resume: bool = False,
     command: str | None = None,
-    watch: Watch = _unwatched,
+    watch: Watch = lambda _: contextlib.nullcontext(lambda *_: None),
 ) -> Reproduction:
     """Reproduce the paper into a run folder.
 
@@ -78,7 +72,12 @@ def reproduce(
     described = {"suite": {"name": "paper"}, **dataclasses.asdict(settings)}
     kept = open_folder(folder, described, resume=resume, command=command)
     start = time.monotonic()
-    bank, failures = _bank(folder, settings, cores, watch)
+    if settings.source == "shipped":
+        bank, failures = shipped_bank(), {}
+    else:
+        wanted = wanted_networks(settings.n_seeds, settings.n_epochs, settings.seed)
+        with watch({entry_of(one, folder).name: one.n_epochs for one in wanted}) as report:
+            bank, failures = train_bank(folder, settings, n_workers=cores, report=report)
     memories = {entry.name: entry.sha256 for entry in bank}
     if kept.get("memories", memories) != memories:
         had = kept["memories"]
@@ -113,14 +112,6 @@ def finish(folder: Path, run: Mapping[str, Any]) -> None:
     write_page(folder)
     results = {k: v for k, v in hashes(folder).items() if not k.startswith(("sensitivity/", "measured/"))}
     write_record(folder, {**run, "hashes": results})
-
-
-def _bank(folder: Path, settings: PaperSettings, n_workers: int, watch: Watch) -> tuple[list[Entry], dict[str, str]]:
-    if not settings.trains:
-        return shipped_bank(), {}
-    wanted = wanted_networks(settings.n_seeds, settings.n_epochs, settings.seed)
-    with watch({entry_of(one, folder).name: one.n_epochs for one in wanted}) as report:
-        return train_bank(folder, settings, n_workers=n_workers, report=report)
 
 
 def write_json(path: Path, content: Any) -> None:

@@ -11,7 +11,7 @@ import io
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +58,8 @@ class MeasuredFile:
 def measure_entry(entry: Entry, folder: Path, settings: PaperSettings) -> dict[str, Any]:
     """Return the figures of a network of a run folder; those that are there already are not worked out again.
 
-    The figures go to `measured/CONDITION-SEED.json` and the map to `maps/CONDITION-SEED.npz`.
+    The figures go to `measured/CONDITION-SEED.json` and the map to `maps/CONDITION-SEED.npz`. The network's name and
+    the seed decide the random draws.
     """
     path, map_file = folder / "measured" / f"{entry.stem}.json", map_path(folder, entry)
     job = {"format": FORMAT, "memory": entry.sha256, "seed": settings.seed, "resolution": settings.resolution}
@@ -68,8 +69,42 @@ def measure_entry(entry: Entry, folder: Path, settings: PaperSettings) -> dict[s
         kept = None
     if kept is not None and kept.job == job and map_file.is_file():
         return kept.figures
-    figures, memory_map = measure(entry.load(), entry.name, settings)
-    figures = {"name": entry.name, "condition": entry.condition, "seed": entry.seed, **figures}
+    memory = entry.load()
+    memory_map = pb_map(memory, settings.resolution)
+    assert memory_map.trajectories is not None
+    rng = np.random.default_rng(seed_sequence(settings.seed, entry.name))
+    # What the map knows of its points is enough for the table, which needs no distances to all actions.
+    distance = memory_map.distance
+    scores = Scores(memory_map.outcome, distance, memory_map.nearest, distance[:, None], memory_map.appropriate)
+    shares = table(memory_map.trajectories, memory.demonstrations, rng=rng, scores=scores)
+    back, shape = reproduction(memory), landscape(memory_map)
+    figures = {
+        "name": entry.name,
+        "condition": entry.condition,
+        "seed": entry.seed,
+        "n_epochs": memory.training.n_epochs,
+        "first_loss": float(memory.loss_history[0]),
+        "best_loss": memory.best_loss,
+        "best_epoch": memory.best_epoch,
+        "epochs_to_level": epochs_to_level(memory),
+        "unsteadiness": unsteadiness(memory),
+        "reproduction_dtw": dict(zip(memory.demonstrations.names, back, strict=True)),
+        "n_reproduced": sum(distance <= Criteria().learned_threshold for distance in back),
+        "unlearned_pct": shares.unlearned_pct,
+        "learned_pct": shares.learned_pct,
+        "appropriateness_pct": shares.appropriate_pct,
+        "fluctuating_pct": shares.fluctuating_pct,
+        "non_moving_pct": shares.non_moving_pct,
+        "novelty": shares.novelty.mean if shares.novelty else None,
+        "diversity": shares.diversity.mean if shares.diversity else None,
+        "region_pct": dict(zip(memory_map.names, memory_map.learned_region_pct().tolist(), strict=True)),
+        "n_regions": shape.n_nearest_regions,
+        "border_length": shape.border_length,
+        "ruggedness": None if shape.ruggedness is None else shape.ruggedness.mean,
+        "evenness": shape.learned_evenness,
+        "steep_step_pct": steep_step_pct(memory_map, memory.demonstrations),
+        **combination_figures(memory, memory_map, rng),
+    }
     memory_map.save(map_file)
     save_json(path, MeasuredFile(job, figures))
     return figures
@@ -80,55 +115,13 @@ def map_path(folder: Path, entry: Entry) -> Path:
     return folder / "maps" / f"{entry.stem}.npz"
 
 
-def measure(memory: Memory, name: str, settings: PaperSettings) -> tuple[dict[str, Any], PBMap]:
-    """Return all figures of a memory and its map.
-
-    Args:
-        memory: The memory.
-        name: Its name; it decides the random draws, together with the seed.
-        settings: Seed and resolution.
-    """
-    memory_map = pb_map(memory, settings.resolution)
-    assert memory_map.trajectories is not None
-    rng = np.random.default_rng(seed_sequence(settings.seed, name))
-    # What the map knows of its points is enough for the table, which needs no distances to all actions.
-    distance = memory_map.distance
-    scores = Scores(memory_map.outcome, distance, memory_map.nearest, distance[:, None], memory_map.appropriate)
-    figures = table(memory_map.trajectories, memory.demonstrations, rng=rng, scores=scores)
-    back, shape = reproduction(memory), landscape(memory_map)
-    return {
-        "n_epochs": memory.training.n_epochs,
-        "first_loss": float(memory.loss_history[0]),
-        "best_loss": memory.best_loss,
-        "best_epoch": memory.best_epoch,
-        "epochs_to_level": epochs_to_level(memory),
-        "unsteadiness": unsteadiness(memory),
-        "reproduction_dtw": dict(zip(memory.demonstrations.names, back, strict=True)),
-        "n_reproduced": sum(distance <= Criteria().learned_threshold for distance in back),
-        "unlearned_pct": figures.unlearned_pct,
-        "learned_pct": figures.learned_pct,
-        "appropriateness_pct": figures.appropriate_pct,
-        "fluctuating_pct": figures.fluctuating_pct,
-        "non_moving_pct": figures.non_moving_pct,
-        "novelty": figures.novelty.mean if figures.novelty else None,
-        "diversity": figures.diversity.mean if figures.diversity else None,
-        "region_pct": dict(zip(memory_map.names, memory_map.learned_region_pct().tolist(), strict=True)),
-        "n_regions": shape.n_nearest_regions,
-        "border_length": shape.border_length,
-        "ruggedness": None if shape.ruggedness is None else shape.ruggedness.mean,
-        "evenness": shape.learned_evenness,
-        "steep_step_pct": steep_step_pct(memory_map, memory.demonstrations),
-        **combination_figures(memory, memory_map, rng),
-    }, memory_map
-
-
-def epochs_to_level(memory: Memory, level: float = CONVERGED_LEVEL) -> int | None:
-    """Return the first epoch whose loss is at most `level` times the first one; None if there is none.
+def epochs_to_level(memory: Memory) -> int | None:
+    """Return the first epoch whose loss is at most `CONVERGED_LEVEL` times the first one; None if there is none.
 
     The curve that a memory keeps has at most 5000 points, so the answer is exact to a spacing of them.
     """
     history = memory.loss_history
-    below = np.flatnonzero(history <= level * history[0])
+    below = np.flatnonzero(history <= CONVERGED_LEVEL * history[0])
     return int(below[0]) * memory.loss_every + 1 if len(below) else None
 
 
@@ -159,33 +152,20 @@ def steep_step_pct(memory_map: PBMap, demos: Demonstrations) -> float:
     return 100.0 * float(np.mean(dtw_pairs(memory_map.trajectories, first[usable], second[usable]) > smallest))
 
 
-class Mixture(NamedTuple):
-    """A combination of two basic actions.
+def mixtures(demos: Demonstrations, first: int, second: int) -> list[tuple[str, np.ndarray]]:
+    """Return the combinations of two basic actions, given by their places, in this order.
 
-    Attributes:
-        first: Place of the one that begins, or that gives the right arm.
-        second: Place of the one that ends, or that gives the left arm.
-        kind: `in time` or `of arms`.
-        trajectory: Joint angles [rad], shape (n_steps, n_joints).
+    Returns:
+        Of each its kind, `in time` (`first` begins, `second` ends) or `of arms` (`first` gives the right arm, `second`
+        the left), and its joint angles [rad], shape (n_steps, n_joints).
     """
-
-    first: int
-    second: int
-    kind: str
-    trajectory: np.ndarray
-
-
-def mixtures(demos: Demonstrations, first: int, second: int) -> list[Mixture]:
-    """Return the combinations of two basic actions in this order."""
     one, other = demos.trajectories[first], demos.trajectories[second]
     n_steps = min(len(one), len(other))
-    made = [
-        Mixture(first, second, "in time", np.concatenate([one[:tick], other[tick:]]))
-        for tick in range(SWITCH_EVERY, n_steps, SWITCH_EVERY)
-    ]
+    ticks = range(SWITCH_EVERY, n_steps, SWITCH_EVERY)
+    made = [("in time", np.concatenate([one[:tick], other[tick:]])) for tick in ticks]
     right = np.array([joint.startswith("R") for joint in demos.joints])
     if right.any() and not right.all():
-        made.append(Mixture(first, second, "of arms", np.where(right, one[:n_steps], other[:n_steps])))
+        made.append(("of arms", np.where(right, one[:n_steps], other[:n_steps])))
     return made
 
 
@@ -207,17 +187,19 @@ def combination_figures(memory: Memory, memory_map: PBMap, rng: np.random.Genera
     share, clearest = None, None
     unlearned = np.flatnonzero(memory_map.outcome == "unlearned")
     if len(unlearned):
-        made = [one for pair in itertools.permutations(range(demos.n_actions), 2) for one in mixtures(demos, *pair)]
+        pairs = itertools.permutations(range(demos.n_actions), 2)
+        made = [(*pair, *one) for pair in pairs for one in mixtures(demos, *pair)]
         drawn = np.sort(rng.choice(unlearned, size=min(N_SAMPLED, len(unlearned)), replace=False))
-        distances = dtw_matrix([memory_map.trajectories[k] for k in drawn], [mixture.trajectory for mixture in made])
+        distances = dtw_matrix([memory_map.trajectories[k] for k in drawn], [trajectory for *_, trajectory in made])
         share = 100.0 * float(np.mean(distances.min(axis=1) <= threshold))
         row, column = np.unravel_index(int(distances.argmin()), distances.shape)
         if distances[row, column] <= threshold:
+            first, second, kind, _ = made[column]
             clearest = {
                 "pb": memory_map.pb[drawn[row]].tolist(),
-                "first": demos.names[made[column].first],
-                "second": demos.names[made[column].second],
-                "kind": made[column].kind,
+                "first": demos.names[first],
+                "second": demos.names[second],
+                "kind": kind,
                 "distance": float(distances[row, column]),
             }
     pairs = itertools.combinations(range(demos.n_actions), 2)
@@ -232,7 +214,7 @@ def _lies_between(memory: Memory, first: int, second: int) -> bool:
     if not unlearned.any():
         return False
     both = mixtures(memory.demonstrations, first, second) + mixtures(memory.demonstrations, second, first)
-    distances = dtw_matrix(generated[unlearned], [mixture.trajectory for mixture in both])
+    distances = dtw_matrix(generated[unlearned], [trajectory for _, trajectory in both])
     return bool((distances <= Criteria().learned_threshold).any())
 
 

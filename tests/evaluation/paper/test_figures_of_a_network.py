@@ -50,18 +50,18 @@ def test_mixtures_change_the_action_once_or_take_an_arm_of_each(demonstrations):
     made = mixtures(demonstrations, 0, 1)
     first, second = demonstrations.trajectories[:2]
     ticks = list(range(5, 50, 5))
-    assert [one.kind for one in made] == ["in time"] * len(ticks) + ["of arms"]
-    for one, tick in zip(made, ticks, strict=False):
-        assert np.array_equal(one.trajectory[:tick], first[:tick])
-        assert np.array_equal(one.trajectory[tick:], second[tick:])
-    assert np.array_equal(made[-1].trajectory[:, :4], first[:, :4])  # the right arm's four joints come first
-    assert np.array_equal(made[-1].trajectory[:, 4:], second[:, 4:])
+    assert [kind for kind, _ in made] == ["in time"] * len(ticks) + ["of arms"]
+    for (_, mixture), tick in zip(made, ticks, strict=False):
+        assert np.array_equal(mixture[:tick], first[:tick])
+        assert np.array_equal(mixture[tick:], second[tick:])
+    assert np.array_equal(made[-1][1][:, :4], first[:, :4])  # the right arm's four joints come first
+    assert np.array_equal(made[-1][1][:, 4:], second[:, 4:])
 
 
 def test_a_mixture_is_found_to_be_a_combination(tiny_memory):
     demos = tiny_memory.demonstrations
-    mixture = mixtures(demos, 1, 2)[-1]
-    charted = chart_of(demos, np.array([mixture.trajectory] * 4), 2)
+    _, mixture = mixtures(demos, 1, 2)[-1]
+    charted = chart_of(demos, np.array([mixture] * 4), 2)
     assert set(charted.outcome) == {"unlearned"}
     found = combination_figures(tiny_memory, charted, np.random.default_rng(0))
     assert found["combination_pct"] == 100.0
@@ -93,9 +93,9 @@ def test_steps_from_or_to_what_cannot_be_used_do_not_count(demonstrations):
 
 
 def test_arms_are_mixed_only_where_both_are_there(waves):
-    assert {one.kind for one in mixtures(waves, 0, 1)} == {"in time"}  # both joints are of the right arm
+    assert {kind for kind, _ in mixtures(waves, 0, 1)} == {"in time"}  # both joints are of the right arm
     both = Demonstrations(waves.names, waves.trajectories, waves.dt_s, ("RShoulderPitch", "LShoulderPitch"))
-    assert mixtures(both, 0, 1)[-1].kind == "of arms"
+    assert mixtures(both, 0, 1)[-1][0] == "of arms"
 
 
 def test_the_tiny_memory_has_all_figures(tiny_memory):

@@ -78,7 +78,7 @@ def test_one_worker_gives_the_same_bytes_as_two(reproduced, tmp_path, undrawn):
 
 
 def test_a_finished_run_is_continued_without_doing_anything_twice(reproduced, tmp_path, monkeypatch, undrawn):
-    monkeypatch.setattr("creative_nao.evaluation.paper.summary.measure", lambda *_: pytest.fail("measured again"))
+    monkeypatch.setattr("creative_nao.evaluation.paper.summary.pb_map", lambda *_: pytest.fail("measured again"))
     monkeypatch.setattr("creative_nao.model.training.train_network", lambda *_, **__: pytest.fail("trained again"))
     folder = shutil.copytree(reproduced.folder, tmp_path / "run")
     for name in RESULTS:
