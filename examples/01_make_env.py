@@ -23,7 +23,7 @@ print(f"one observation: {observation.shape}, one action: {env.action_space}")
 
 total = 0.0
 for step in range(1, chosen.n_steps + 1):
-    pb = env.action_space.sample()  # a point of the robot's memory: one whole movement
+    pb = env.action_space.sample()  # a PB point, which generates one whole movement
     observation, reward, terminated, truncated, info = env.step(pb)
     total += float(reward)
     if "outcome" in info:  # with BoxingModulation-v0 a movement takes ten steps

@@ -1,4 +1,4 @@
-"""Train a memory on basic actions, look how well it gives them back, and map what else it holds.
+"""Train a memory on basic actions, measure how well it reproduces them, and make its PB map.
 
 python examples/03_train_a_memory.py --out mine.safetensors
 python examples/03_train_a_memory.py --demonstrations my_actions --n-epochs 20000 --out mine.safetensors
@@ -25,12 +25,13 @@ memory = cn.train(demos, closed_loop_ratio=chosen.closed_loop_ratio, n_epochs=ch
 memory.save(chosen.out)
 print(f"{chosen.out}: loss {memory.best_loss:.3f} at epoch {memory.best_epoch}")
 
-returned = memory.generate(memory.pb)  # from each learned point, the action that was taught there
-for name, pb, taught, imagined in zip(demos.names, memory.pb, demos.trajectories, returned, strict=True):
+reproduced = memory.generate(memory.pb)  # from the learned PB point of each basic action
+for name, pb, taught, generated in zip(demos.names, memory.pb, demos.trajectories, reproduced, strict=True):
     place = ", ".join(f"{value:+.2f}" for value in pb)
-    print(f"  {name:<16} PB ({place}), comes back within {cn.measures.dtw(taught, imagined[: len(taught)]):.2f}")
+    distance = cn.measures.dtw(taught, generated[: len(taught)])
+    print(f"  {name:<16} PB ({place}), DTW distance {distance:.2f}")
 
-chart = cn.pb_map(memory, resolution=chosen.resolution)
-chart.plot(chosen.out.with_suffix(".png"))
+pb_map = cn.pb_map(memory, resolution=chosen.resolution)
+pb_map.plot(chosen.out.with_suffix(".png"))
 for outcome in cn.measures.OUTCOMES:
-    print(f"  {outcome:<12} {chart.share_pct(outcome):5.1f} %")
+    print(f"  {outcome:<12} {pb_map.share_pct(outcome):5.1f} %")

@@ -1,4 +1,4 @@
-"""Search a memory with an agent of Stable-Baselines3: train it on the bank, judge it on memories it has never seen.
+"""Search a memory with an agent of Stable-Baselines3: train it on the bank, evaluate it on unseen memories.
 
 python examples/04_search_with_sb3.py
 python examples/04_search_with_sb3.py --n-steps 200000 --out my_agent.zip
@@ -16,13 +16,13 @@ from creative_nao.envs import SB3VecEnv
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--n-steps", type=int, default=30_000, help="movements to train on")
-parser.add_argument("--n-envs", type=int, default=16, help="environments side by side")
-parser.add_argument("--n-episodes", type=int, default=12, help="episodes to judge on")
+parser.add_argument("--n-envs", type=int, default=16, help="sub-environments")
+parser.add_argument("--n-episodes", type=int, default=12, help="episodes of the evaluation")
 parser.add_argument("--seed", type=int, default=0)
-parser.add_argument("--out", type=Path, help="where to keep the policy, in the format of Stable-Baselines3")
+parser.add_argument("--out", type=Path, help="file for the policy, in the format of Stable-Baselines3")
 chosen = parser.parse_args()
 
-torch.set_num_threads(1)  # the networks are small: more threads only wait for one another
+torch.set_num_threads(1)  # the networks are small: more threads gain nothing
 venv = SB3VecEnv("CreativeNao/BoxingMental-v0", num_envs=chosen.n_envs, memory="train")
 model = PPO("MlpPolicy", venv, n_steps=30, batch_size=30 * chosen.n_envs // 2, device="cpu", seed=chosen.seed)
 model.learn(chosen.n_steps)

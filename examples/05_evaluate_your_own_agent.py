@@ -1,9 +1,9 @@
-"""Judge an agent of your own as the project judges its own: equal budgets, seeds, unseen memories, intervals.
+"""Evaluate your own agent by the protocol of the project: equal budgets, seeds, unseen memories, intervals.
 
 python examples/05_evaluate_your_own_agent.py
 
-An agent is a class with `choose`: an observation in, a PB point out. This one remembers what it tried and goes where it
-has not been. Anything with the `predict` of Stable-Baselines3 takes part through `creative_nao.agents.PolicyAgent`.
+An agent is a class whose `choose` maps an observation to a PB point. This one prefers points far from those it tried.
+Policies with the `predict` method of Stable-Baselines3 are wrapped by `creative_nao.agents.PolicyAgent`.
 `creative-nao evaluate leaderboard` compares the run folders of the suites.
 """
 
@@ -20,13 +20,13 @@ from creative_nao.model import split_memories
 
 
 class FarFromTried(Agent):
-    """Of a handful of random points, the one farthest from all that it has tried in this episode."""
+    """Of 32 random points, choose the one farthest from all points tried in this episode."""
 
     name = "far-from-tried"
     learns_within_episode = True
 
     def start(self, context):
-        """Forget the episode before."""
+        """Forget the previous episode."""
         self.tried = [np.zeros(context.action_space.shape)]
 
     def choose(self, observation):
@@ -37,13 +37,13 @@ class FarFromTried(Agent):
         return candidates[distances.argmax()].astype(space.dtype)
 
     def learn(self, pb, observation, reward, info):
-        """Remember what was tried; `reward` and `info` tell what came of it."""
+        """Store the point; `reward` and `info` hold the result."""
         self.tried.append(np.asarray(pb))
 
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--env", default="CreativeNao/BoxingMental-v0")
-parser.add_argument("--memories", nargs="+", default=list(split_memories("test")), help="default: the unseen ones")
+parser.add_argument("--memories", nargs="+", default=list(split_memories("test")), help="default: the test split")
 parser.add_argument("--n-seeds", type=int, default=3)
 chosen = parser.parse_args()
 

@@ -1,9 +1,9 @@
-"""From a point of the memory to a program for a real NAO: imagine, perform in physics, check, write.
+"""From a PB point to a program for a real NAO: generate, perform in physics, check, write.
 
 python examples/06_put_an_action_on_a_nao.py --pb 0.3 -0.1 --out new_action.py
 
-The written program holds angles and times and calls NAOqi's `angleInterpolation`. Without the `naoqi` package it prints
-what it would do.
+The written program holds angles and times and calls NAOqi's `angleInterpolation`. Without `--ip` it is a
+dry run that sends nothing.
 """
 
 import argparse
@@ -31,7 +31,7 @@ memory = cn.load_memory(chosen.memory)
 motion = exchange.Motion(memory.generate([chosen.pb])[0], dt_s=memory.demonstrations.dt_s)
 for finding in exchange.inspect(motion):
     print(f"beyond the robot: {finding}")
-written = exchange.write(chosen.out, motion, unsafe="clip")  # within ranges and speeds, or slowed down until it is
+written = exchange.write(chosen.out, motion, unsafe="clip")  # clip ranges, slow down to speed limits
 for change in written.changes:
     print(f"changed: {change}")
 print(f"{written.path}: {written.motion.duration_s:.1f} s for the robot")

@@ -2,8 +2,8 @@
 
 python examples/07_memory_of_another_robot.py
 
-The network, the measures and the mental environments know no robot: they take any joints by name. Only `Boxing-v0`,
-which performs in physics, needs the NAO. Here a two-joint arm learns three movements.
+Network, measures and mental environments take any named joints. Only `Boxing-v0`, which simulates physics, needs the
+NAO. Here the robot is an arm of two joints with three basic actions.
 """
 
 import argparse
