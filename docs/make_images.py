@@ -1,6 +1,6 @@
 """Draw the pictures of the documentation again: `python docs/make_images.py NAME`.
 
-`docs/make_explorer_images.py` takes those of the explorer, `creative-nao evaluate ... --docs docs` draws results.
+`docs/make_explorer_images.py` takes those of the explorer, `docs/publish_results.py` publishes results.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Write the pages of the documentation that are made from code, packages and records: `python docs/make_pages.py NAME`.
 
-The sentences stand in `docs/templates`. Results have their own command: `creative-nao evaluate ... --docs docs`.
+The sentences stand in `docs/templates`. `docs/publish_results.py` brings finished runs into the documentation.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from creative_nao.demonstrations.files import monotone_cubic
 from creative_nao.errors import CreativeNaoError, SettingsError
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Entry, Report, entry_of, shipped_bank, wanted_networks
 from creative_nao.evaluation.paper.claims import DECIDED_BY_TABLE_I, compare, values_of
-from creative_nao.evaluation.paper.page import SENSITIVITY, publish
+from creative_nao.evaluation.paper.page import SENSITIVITY
 from creative_nao.evaluation.paper.run import finish, write_json
 from creative_nao.evaluation.paper.summary import mean_with_interval
 from creative_nao.evaluation.run import read_record, refuse_links
@@ -412,8 +412,6 @@ class Arguments:
     """Seed of the draws; networks have this seed and those after it."""
     n_workers: int | None = None
     """Networks at a time, without influence on results; default: the available cores."""
-    docs: Path | None = None
-    """Copy page, pictures and result files into this documentation folder afterwards."""
 
 
 def main() -> None:
@@ -421,8 +419,6 @@ def main() -> None:
     asked = tyro.cli(Arguments, prog="python studies/sensitivity.py")
     try:
         run_study(asked.folder, SensitivitySettings(seed=asked.seed), n_workers=asked.n_workers)
-        if asked.docs is not None:
-            publish(asked.folder, asked.docs)
     except CreativeNaoError as error:
         raise SystemExit(f"error: {error}") from None
     print(f"study: {asked.folder / 'sensitivity.json'}, page: {asked.folder / 'reproduction.md'}")

@@ -19,7 +19,6 @@ from creative_nao.cli.terminal import Display
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.evaluation.pages import terminal_table
-from creative_nao.evaluation.publishing import publish
 from creative_nao.evaluation.run import Evaluation, evaluate
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, check_agent, find_suite
@@ -64,8 +63,6 @@ class EvaluateSettings(JobOptions):
     demonstrations: Path | None = None
     """transfer: folder of CSV recordings, a basic action each, on which the memories are trained; default: those of the
     suite."""
-    docs: Path | None = None
-    """Bring the result file and the pages that stand on it into this documentation folder."""
 
 
 def run(settings: EvaluateSettings) -> int:
@@ -84,8 +81,6 @@ def run(settings: EvaluateSettings) -> int:
     checked(Seed, settings.seed, "--seed")
     executor = executor_for(settings)
     suite = _chosen(settings)
-    if settings.docs is not None and not settings.docs.is_dir():
-        raise SettingsError(f"--docs should name the folder of the documentation, but {settings.docs} is none")
     folder = settings.out or new_folder(suite.name)
     command = _command(settings)
     # Progress goes to stderr, so that --json leaves stdout to the figures.
@@ -107,19 +102,12 @@ def run(settings: EvaluateSettings) -> int:
         console.print(f"stopped; finished jobs are kept, continue with: {again}", soft_wrap=True, highlight=False)
         return 130
     _show(evaluation, as_json=settings.json, console=console)
-    return 0 if settings.docs is None else write_pages((folder,), settings.docs)
+    return 0
 
 
 def new_folder(suite: str) -> Path:
     """Return the name of the run folder where none is given: suite and time."""
     return Path("runs") / f"{suite}-{datetime.datetime.now():%Y%m%d-%H%M%S}"
-
-
-def write_pages(runs: tuple[Path, ...], docs: Path) -> int:
-    """Bring results of finished runs, and the pages that stand on them, into a documentation folder."""
-    for path in publish(runs, docs):
-        Console(stderr=True).print(f"written: {path}", soft_wrap=True, highlight=False)
-    return 0
 
 
 def executor_for(options: JobOptions) -> Executor:

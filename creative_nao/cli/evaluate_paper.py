@@ -18,7 +18,7 @@ from creative_nao.cli.terminal import Display
 from creative_nao.errors import SettingsError
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Report, paper_settings
 from creative_nao.evaluation.paper.claims import CONDITION_TITLES, FURTHER, TABLE_I
-from creative_nao.evaluation.paper.page import mean_cell, number, publish
+from creative_nao.evaluation.paper.page import mean_cell, number
 from creative_nao.evaluation.paper.run import Reproduction, reproduce
 from creative_nao.schema import Count, Seed, checked
 
@@ -44,8 +44,6 @@ class PaperOptions:
     """Train a few networks for a short time, to see in minutes what it looks like."""
     retrain: bool = False
     """Train ten networks a condition in the run folder instead of taking the shipped ones."""
-    docs: Path | None = None
-    """Bring results, page and pictures into this documentation folder."""
 
 
 def run(asked: PaperOptions) -> int:
@@ -57,8 +55,6 @@ def run(asked: PaperOptions) -> int:
     checked(Count | None, asked.n_workers, "--n-workers")
     checked(Seed, asked.seed, "--seed")
     settings = paper_settings(quick=asked.quick, retrain=asked.retrain, seed=asked.seed)
-    if asked.docs is not None and not asked.docs.is_dir():
-        raise SettingsError(f"--docs should name the folder of the documentation, but {asked.docs} is none")
     if asked.resume and asked.out is None:
         raise SettingsError("--resume continues a run folder: name it with --out")
     folder = asked.out or new_folder(SUITE)
@@ -82,9 +78,6 @@ def run(asked: PaperOptions) -> int:
         console.print(verdicts(done))
     for name, what in (("report.html", "report"), ("reproduction.md", "page"), ("results.json", "results")):
         console.print(f"{what:>12}: {done.folder / name}", soft_wrap=True, highlight=False)
-    if asked.docs is not None:
-        written = publish(done.folder, asked.docs)
-        console.print(f"{len(written)} files written to {asked.docs}", soft_wrap=True, highlight=False)
     return 0
 
 

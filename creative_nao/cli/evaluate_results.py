@@ -11,11 +11,11 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from creative_nao.cli.evaluate import JobOptions, executor_for, job_display, write_pages
+from creative_nao.cli.evaluate import JobOptions, executor_for, job_display
 from creative_nao.cli.terminal import print_result
 from creative_nao.errors import SettingsError
+from creative_nao.evaluation.leaderboard import leaderboard, with_record
 from creative_nao.evaluation.pages import env_label
-from creative_nao.evaluation.publishing import leaderboard, with_record
 from creative_nao.evaluation.verification import TOLERANCE, Verification, verify
 
 DOES_NOT_HOLD = 1
@@ -24,17 +24,13 @@ DOES_NOT_HOLD = 1
 
 @dataclass(frozen=True)
 class LeaderboardSettings:
-    """Compare finished runs: write the leaderboard to stdout, or the documentation pages that stand on the results."""
+    """Compare finished runs: write the leaderboard to stdout, as Markdown."""
 
     runs: tyro.conf.Positional[tuple[Path, ...]] = ()
     """Finished run folders."""
-    docs: Path | None = None
-    """Bring result files and the pages that stand on them into this documentation folder."""
 
     def run(self) -> int:
-        """Write the pages into `docs`, or without it the leaderboard to stdout; return the exit code."""
-        if self.docs is not None:
-            return write_pages(self.runs, self.docs)
+        """Write the leaderboard to stdout and return the exit code."""
         if not self.runs:
             raise SettingsError("leaderboard: name run folders, as in `creative-nao evaluate leaderboard runs/mine`")
         sys.stdout.write(leaderboard({str(folder / "results.json"): with_record(folder) for folder in self.runs}))

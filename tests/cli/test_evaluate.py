@@ -114,7 +114,6 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, tmp_path, capsys):
             "no folder of basic actions at nowhere",
         ),
         ({"scheduler": "tcp://x:1", "n_workers": 2}, SettingsError, "`--n-workers` counts processes of this machine"),
-        ({"docs": Path("nowhere")}, SettingsError, "--docs should name the folder of the documentation"),
     ],
 )
 def test_mistakes_are_told_before_anything_starts(settings, error, text):

@@ -33,7 +33,6 @@ def asked(monkeypatch):
         return Reproduction(folder, {"suite": "paper", "rows": ROWS}, CLAIMS)
 
     monkeypatch.setattr(evaluate_paper, "reproduce", reproduce)
-    monkeypatch.setattr(evaluate_paper, "publish", lambda folder, docs: found.update(docs=docs) or [docs])
     return found
 
 
@@ -50,9 +49,9 @@ def test_the_paper_and_ours_stand_side_by_side(asked, tmp_path, capsys):
 
 
 def test_flags_reach_the_reproduction(asked, tmp_path):
-    run(out=tmp_path, retrain=True, seed=3, n_workers=1, resume=True, docs=tmp_path)
+    run(out=tmp_path, retrain=True, seed=3, n_workers=1, resume=True)
     assert (asked["settings"].source, asked["settings"].seed, asked["n_workers"]) == ("retrain", 3, 1)
-    assert (asked["resume"], asked["docs"]) == (True, tmp_path)
+    assert (asked["resume"],) == (True,)
     assert asked["command"] == "creative-nao evaluate paper --retrain --seed 3"
 
 
@@ -83,9 +82,3 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, tmp_path, capsys):
 def test_mistakes_are_told_before_anything_starts(settings, text):
     with pytest.raises(SettingsError, match=text):
         run(**settings)
-
-
-def test_a_documentation_folder_has_to_be_there_before_hours_of_work(asked, tmp_path):
-    with pytest.raises(SettingsError, match="--docs should name the folder"):
-        run(out=tmp_path, docs=tmp_path / "none")
-    assert not asked

@@ -7,9 +7,10 @@ import shutil
 from pathlib import Path
 
 import pytest
+from publish_results import MENTAL, publish, read_published, result_page
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
-from creative_nao.evaluation.publishing import MENTAL, leaderboard, publish, read_published, result_page
+from creative_nao.evaluation.leaderboard import leaderboard
 from creative_nao.evaluation.results import make_results, verdict
 from creative_nao.evaluation.runner import LocalExecutor
 from creative_nao.evaluation.verification import contradictions, verify

@@ -31,7 +31,7 @@ from creative_nao.demonstrations.files import load_trajectory, save_trajectory
 from creative_nao.envs import EnvState
 from creative_nao.envs.physical_map import FIGURES, PhysicalMap
 from creative_nao.evaluation.jobs import Job, read_result, read_spec, write_result, write_spec
-from creative_nao.evaluation.publishing import with_record
+from creative_nao.evaluation.leaderboard import with_record
 from creative_nao.evaluation.results import read_results, write_results
 from creative_nao.evaluation.run import read_record, write_record
 from creative_nao.evaluation.suites import read_suite
@@ -306,7 +306,7 @@ def _run_folder(folder: Path) -> dict[str, Victim]:
 
 
 def _ranked(results: dict[str, Any]) -> None:
-    from creative_nao.evaluation.publishing import leaderboard
+    from creative_nao.evaluation.leaderboard import leaderboard
 
     leaderboard({"results.json": results})
 

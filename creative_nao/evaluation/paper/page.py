@@ -6,8 +6,6 @@ The same files give the same page. It is Markdown for the documentation; a run f
 from __future__ import annotations
 
 import itertools
-import json
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,7 +15,7 @@ from markdown_it import MarkdownIt
 from markupsafe import Markup
 
 from creative_nao import storage
-from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.errors import FileFormatError, NotFoundError
 from creative_nao.evaluation.pages import DASH, data_uri, render
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES
 from creative_nao.evaluation.paper.claims import (
@@ -30,7 +28,6 @@ from creative_nao.evaluation.paper.claims import (
     UNDECIDED,
 )
 from creative_nao.evaluation.results import naming
-from creative_nao.evaluation.run import read_record
 from creative_nao.storage import as_json, read_text
 
 PAGE = "reproduction.md"
@@ -179,37 +176,3 @@ def write_page(folder: Path) -> Path:
         page = make_page(read_content(folder))
     storage.write_text(folder / "report.html", to_html(page, folder))
     return storage.write_text(folder / PAGE, page)
-
-
-def publish(folder: Path, docs: Path) -> list[Path]:
-    """Copy the page of a run folder, its pictures and its result files into a documentation folder.
-
-    Args:
-        folder: Finished run folder.
-        docs: Folder of the documentation; `reproduction.md`, `images/paper_*.png` and `results/paper/` are replaced.
-
-    Returns:
-        What was written.
-
-    Raises:
-        SettingsError: If `docs` is no folder.
-    """
-    if not docs.is_dir():
-        raise SettingsError(f"--docs should name the folder of the documentation, but {docs} is none")
-    results = docs / RESULTS_AT
-    results.mkdir(parents=True, exist_ok=True)
-    written = []
-    for name in (*RESULT_FILES, "networks.csv"):
-        source, target = folder / name, results / name
-        if name == "run.json":
-            kept = {key: value for key, value in read_record(folder).items() if key != "hashes"}
-            written.append(storage.write_text(target, json.dumps(kept, indent=2, allow_nan=False) + "\n"))
-        elif source.is_file():
-            written.append(storage.write_bytes(target, source.read_bytes()))
-        else:
-            target.unlink(missing_ok=True)
-    (docs / "images").mkdir(exist_ok=True)
-    for picture in sorted((folder / "images").glob("paper_*.png")):
-        written.append(Path(shutil.copyfile(picture, docs / "images" / picture.name)))
-    page = make_page(read_content(results), results_at=RESULTS_AT)
-    return [*written, storage.write_text(docs / PAGE, page)]

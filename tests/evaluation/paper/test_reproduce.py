@@ -7,12 +7,13 @@ import shutil
 import threading
 
 import pytest
+from publish_results import publish_paper
 
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.evaluation.paper import run as run_module
 from creative_nao.evaluation.paper.bank import PaperSettings, paper_settings, shipped_bank, train_bank
 from creative_nao.evaluation.paper.claims import TABLE_I
-from creative_nao.evaluation.paper.page import make_page, mean_cell, publish, read_content
+from creative_nao.evaluation.paper.page import make_page, mean_cell, read_content
 from creative_nao.evaluation.paper.run import reproduce
 from creative_nao.model import NetworkSettings, shipped_memories
 
@@ -172,14 +173,14 @@ def test_the_report_shows_every_picture_of_the_page(reproduced):
 
 
 def test_publishing_brings_page_pictures_and_results(reproduced, tmp_path):
-    publish(reproduced.folder, tmp_path)
+    publish_paper(reproduced.folder, tmp_path)
     page = (tmp_path / "reproduction.md").read_text(encoding="utf-8")
     assert "(results/paper/results.json)" in page
     assert (tmp_path / "results/paper/results.json").read_bytes() == (reproduced.folder / "results.json").read_bytes()
     assert "hashes" not in strict(tmp_path / "results/paper/run.json")
     assert len(list((tmp_path / "images").glob("paper_*.png"))) == 7
     with pytest.raises(SettingsError, match="--docs should name the folder"):
-        publish(reproduced.folder, tmp_path / "none")
+        publish_paper(reproduced.folder, tmp_path / "none")
 
 
 def test_the_record_names_every_network_and_the_hash_of_every_result(reproduced):

@@ -1,89 +1,36 @@
-"""Publish results: copy result files into the documentation, and write the pages that stand on them alone.
+"""Bring finished runs into the documentation: `python docs/publish_results.py RUN_FOLDER ...`.
 
-`docs/results.md` (`result_page`) says what was found, `docs/leaderboard.md` (`leaderboard`) lists everyone's figures;
-their sentences are in `templates/results.md.jinja` and `templates/leaderboard.md.jinja`.
+The result files of suites go to `docs/results`; `results.md` (templates/results.md.jinja) and `leaderboard.md` are
+written from all that are there. A run of `creative-nao evaluate paper` goes to `docs/results/paper`, its pictures to
+`docs/images`, its page is `reproduction.md`.
 """
 
-from __future__ import annotations
-
+import argparse
 import json
+import shutil
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from creative_nao import storage
 from creative_nao.errors import SettingsError
-from creative_nao.evaluation.pages import env_label, render
-from creative_nao.evaluation.results import MAX_ROWS, Entry, Label, MeanInterval, naming, read_results, verdict
-from creative_nao.evaluation.run import RunRecord, read_record
-from creative_nao.schema import Count, Field, Index, PlainName, Text, parse, record
+from creative_nao.evaluation.leaderboard import Results, check_published, entries_of, leaderboard, with_record
+from creative_nao.evaluation.pages import render
+from creative_nao.evaluation.paper.page import PAGE, RESULT_FILES, make_page, read_content
+from creative_nao.evaluation.results import Entry, naming, read_results, verdict
+from creative_nao.evaluation.run import read_record
 
+DOCS = Path(__file__).parent
+PAPER_AT = "results/paper"
 MENTAL, PHYSICAL = "CreativeNao/BoxingMental-v0", "CreativeNao/Boxing-v0"
 MODULATION = "CreativeNao/BoxingModulation-v0"
 REFUSALS = ("joint_limit", "torque_saturated", "tracking_error", "self_collision", "fell")
 """Outcomes by which physics refuses an action that was usable as imagined."""
 N_SHOWN = 3
 """Agents whose figures are told memory by memory."""
-PACKAGES = ("numpy", "torch", "numba", "mujoco")
 RESULTS_AT = "results"
 """Where the documentation keeps the result files, seen from its pages."""
-KEPT = ("command", "settings", "versions", "platform", "created", "memories", "seeds", "seconds")
-
-Results = Mapping[str, Any]
-
-
-@record(closed=False)
-class Versus:
-    """How an agent compares with the baseline."""
-
-    probability_of_improvement: MeanInterval | None
-    n_memories_ahead: Index
-
-
-@record(closed=False)
-class SummaryEntry:
-    """One agent in one environment over all memories."""
-
-    agent: Label
-    env: Label
-    n_memories: Count
-    n_seeds: Count
-    n_actions_training: Index
-    reward_iqm: MeanInterval
-    reward: MeanInterval | None
-    oracle_share: MeanInterval | None
-    versus: Versus | None
-
-
-@record(closed=False)
-class PublishedFile:
-    """What a published result file has beside its rows."""
-
-    suite: PlainName
-    summary: Annotated[tuple[SummaryEntry, ...], Field(max_length=MAX_ROWS)]
-    baseline: Text | None
-    record: RunRecord
-
-
-def leaderboard(published: Mapping[str, Results]) -> str:
-    """Return the leaderboard as Markdown.
-
-    Args:
-        published: Content of each result file, by its path as seen from the page.
-
-    Raises:
-        FileFormatError: If a part of a file is missing.
-    """
-    suites = []
-    with naming(f"results in {', '.join(published)}"):
-        for path, results in published.items():
-            envs = dict.fromkeys(entry["env"] for entry in results["summary"])
-            groups = [(env_label(env).capitalize(), _entries(results, env, by="reward_iqm")) for env in envs]
-            versions = results["record"]["versions"]
-            packages = ", ".join(f"{name} {versions[name]}" for name in PACKAGES if name in versions)
-            suites.append((path, results, groups, packages))
-        return render("leaderboard.md.jinja", suites=suites)
 
 
 def result_page(published: Mapping[str, Results]) -> str:
@@ -104,11 +51,11 @@ def result_page(published: Mapping[str, Results]) -> str:
             if results["suite"] == suite
         ]
         has_physical = any(section["suite"] == "physical" for section in sections)
-        return render("results.md.jinja", sections=sections, has_physical=has_physical)
+        return render("results.md.jinja", DOCS / "templates", sections=sections, has_physical=has_physical)
 
 
 def _search(results: Results) -> dict[str, Any]:
-    entries = _entries(results, MENTAL)
+    entries = entries_of(results, MENTAL)
     base = _baseline(results, entries)
     others = [entry for entry in entries if entry["versus"] is not None]
     rows = {(row["memory"], row["agent"]): row for row in results["rows"] if row["env"] == MENTAL}
@@ -132,7 +79,8 @@ def _search(results: Results) -> dict[str, Any]:
 
 def _performed(results: Results) -> dict[str, Any]:
     """Return what physical execution changes, agent by agent, and why actions were refused."""
-    imagined, performed = _entries(results, MENTAL), {entry["agent"]: entry for entry in _entries(results, PHYSICAL)}
+    imagined = entries_of(results, MENTAL)
+    performed = {entry["agent"]: entry for entry in entries_of(results, PHYSICAL)}
     outcomes: dict[str, Counter[str]] = {entry["agent"]: Counter() for entry in imagined}
     for row in results["rows"]:
         if row["env"] == PHYSICAL:
@@ -166,7 +114,7 @@ def _refused_pct(counts: Counter[str]) -> float:
 
 
 def _modulation(results: Results) -> dict[str, Any]:
-    modulated = {entry["agent"]: entry["reward"] for entry in _entries(results, MODULATION)}
+    modulated = {entry["agent"]: entry["reward"] for entry in entries_of(results, MODULATION)}
     return {
         "rows": [
             {
@@ -176,7 +124,7 @@ def _modulation(results: Results) -> dict[str, Any]:
                 "usable_held_pct": _usable_pct(results, MENTAL, entry["agent"]),
                 "usable_modulated_pct": _usable_pct(results, MODULATION, entry["agent"]),
             }
-            for entry in _entries(results, MENTAL)
+            for entry in entries_of(results, MENTAL)
         ]
     }
 
@@ -187,7 +135,7 @@ def _usable_pct(results: Results, env: str, agent: str) -> float:
 
 
 def _transfer(results: Results) -> dict[str, Any]:
-    return {"taught": results["record"]["settings"]["suite"]["taught"], "entries": _entries(results, MENTAL)}
+    return {"taught": results["record"]["settings"]["suite"]["taught"], "entries": entries_of(results, MENTAL)}
 
 
 SECTIONS = {
@@ -200,35 +148,8 @@ SECTIONS = {
 """Figures of a suite's section on the page of results, in the order of the page."""
 
 
-def _entries(results: Results, env: str, by: str = "reward") -> list[Entry]:
-    return sorted((e for e in results["summary"] if e["env"] == env), key=lambda entry: -entry[by]["mean"])
-
-
 def _baseline(results: Results, entries: Sequence[Entry]) -> Entry:
     return next(entry for entry in entries if entry["agent"] == results["baseline"])
-
-
-def check_published(results: dict[str, Any], path: Path) -> None:
-    """Check summary, record and baseline of a result file that is published.
-
-    Raises:
-        FileFormatError: Naming the entry and the field.
-    """
-    parse(PublishedFile, results, f"results {path}")
-
-
-def with_record(folder: Path) -> dict[str, Any]:
-    """Return the results of a finished run folder together with what made them.
-
-    Raises:
-        NotFoundError: If the folder holds no results.
-        FileFormatError: If results or record are damaged, or were made by an old version.
-    """
-    results = read_results(folder / "results.json")
-    made = read_record(folder)
-    found = {**results, "record": {key: made[key] for key in KEPT if key in made}}
-    check_published(found, folder / "results.json")
-    return found
 
 
 def publish(folders: Sequence[Path], docs: Path) -> list[Path]:
@@ -264,3 +185,52 @@ def read_published(docs: Path) -> dict[str, dict[str, Any]]:
     order = list(SECTIONS)
     ranked = sorted(found, key=lambda path: (order.index(path.stem) if path.stem in order else len(order), path.stem))
     return {f"{RESULTS_AT}/{path.name}": found[path] for path in ranked}
+
+
+def publish_paper(folder: Path, docs: Path) -> list[Path]:
+    """Copy the page of a run folder, its pictures and its result files into a documentation folder.
+
+    Args:
+        folder: Finished run folder.
+        docs: Folder of the documentation; `reproduction.md`, `images/paper_*.png` and `results/paper/` are replaced.
+
+    Returns:
+        What was written.
+
+    Raises:
+        SettingsError: If `docs` is no folder.
+    """
+    if not docs.is_dir():
+        raise SettingsError(f"--docs should name the folder of the documentation, but {docs} is none")
+    results = docs / PAPER_AT
+    results.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name in (*RESULT_FILES, "networks.csv"):
+        source, target = folder / name, results / name
+        if name == "run.json":
+            kept = {key: value for key, value in read_record(folder).items() if key != "hashes"}
+            written.append(storage.write_text(target, json.dumps(kept, indent=2, allow_nan=False) + "\n"))
+        elif source.is_file():
+            written.append(storage.write_bytes(target, source.read_bytes()))
+        else:
+            target.unlink(missing_ok=True)
+    (docs / "images").mkdir(exist_ok=True)
+    for picture in sorted((folder / "images").glob("paper_*.png")):
+        written.append(Path(shutil.copyfile(picture, docs / "images" / picture.name)))
+    page = make_page(read_content(results), results_at=PAPER_AT)
+    return [*written, storage.write_text(docs / PAGE, page)]
+
+
+def main() -> None:
+    """Publish the run folders named on the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("runs", nargs="*", type=Path, metavar="RUN_FOLDER", help="finished runs; none: only the pages")
+    runs = parser.parse_args().runs
+    papers = [run for run in runs if read_record(run)["suite"] == "paper"]
+    suites = [run for run in runs if run not in papers]
+    written = [*publish(suites, DOCS), *(path for run in papers for path in publish_paper(run, DOCS))]
+    print("\n".join(f"written: {path}" for path in written))
+
+
+if __name__ == "__main__":
+    main()
