@@ -64,15 +64,15 @@ def run(settings: ExploreSettings) -> int:
     except ImportError as error:
         raise MissingDependencyError(f"the explorer needs {error.name or 'NiceGUI'}: {INSTALL}") from error
     from creative_nao.explorer.physics_service import PhysicsService
-    from creative_nao.explorer.registry import MemoryRegistry, check_physical
+    from creative_nao.explorer.registry import MemoryRegistry, load_physical
     from creative_nao.explorer.state import Session, default_path
 
-    check_physical(settings.physical, memories)
+    physical = load_physical(settings.physical, memories)
     claim_port(settings.host, settings.port)
     agent_points = None if settings.run is None else choices(settings.run)
     session = Session(settings.session or default_path())
     app_state = AppState(
-        MemoryRegistry(memories, settings.resolution, settings.physical), PhysicsService(), session, agent_points
+        MemoryRegistry(memories, settings.resolution, physical), PhysicsService(), session, agent_points
     )
     print(f"{' beside '.join(settings.memories)} is at http://{settings.host}:{settings.port}/  (Ctrl-C ends)")
     if settings.host not in ("127.0.0.1", "localhost", "::1"):
@@ -117,7 +117,7 @@ def _coordinate(cell: str | None, where: str) -> float:
 
 
 def _write_page(settings: ExploreSettings, target: Path) -> int:
-    from creative_nao.explorer.registry import check_physical, physical_map_of
+    from creative_nao.explorer.registry import load_physical
     from creative_nao.explorer.static_export import write_page
 
     if target.suffix.lower() not in (".html", ".htm"):
@@ -125,7 +125,7 @@ def _write_page(settings: ExploreSettings, target: Path) -> int:
     if len(settings.memories) > 1:
         raise SettingsError(f"--html writes one memory, but got {' and '.join(settings.memories)}")
     memory = load_memory(next(iter(settings.memories)))
-    check_physical(settings.physical, [memory])
-    written = write_page(memory, target, settings.resolution, physical_map_of(memory, settings.physical))
+    physical = load_physical(settings.physical, [memory])
+    written = write_page(memory, target, settings.resolution, next(iter(physical.values()), None))
     print(f"written: {written}, {written.stat().st_size / 1e6:.1f} MB; it opens by double click, without a network")
     return 0

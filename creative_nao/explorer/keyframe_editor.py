@@ -29,6 +29,13 @@ MIN_GAP_S = 0.05
 MAX_TEXT = 60_000
 """Characters of the largest set as text."""
 _ROUNDING_RAD = 1e-9
+MIN_DURATION_S = 0.6
+MIN_EXCURSION_RAD = 0.1
+"""What the widest joint should travel at least [rad]."""
+START_TOLERANCE_RAD = 0.3
+"""How far a demonstration may start from the mean start of all [rad]: a memory starts all its movements there."""
+PEAK_OF_MEAN = 1.875
+"""Largest speed of a minimum-jerk segment, as a multiple of its mean speed."""
 
 
 def _draft_name(name: str) -> str:
@@ -122,6 +129,33 @@ class Draft:
         swapped = [np.concatenate([key.posture[4:], key.posture[:4]]) * np.tile(MIRROR_SIGN, 2) for key in self.keys]
         return Draft(name, tuple(Key(key.time_s, tuple(p)) for key, p in zip(self.keys, swapped, strict=True)))
 
+    def peak_speeds(self) -> np.ndarray:
+        """Return the largest speed of each joint between two keys [rad/s], shape (n_keys - 1, 8)."""
+        movement = self.movement()
+        return PEAK_OF_MEAN * np.abs(np.diff(movement.postures, axis=0)) / np.diff(movement.times_s)[:, None]
+
+    def fault(self) -> str | None:
+        """Return what is wrong, one line, or None if it can be taught."""
+        speeds, limit = self.peak_speeds(), np.array([MAX_SPEED_RAD_S[joint] for joint in JOINTS])
+        excess = speeds / limit
+        if excess.max() > 1:
+            segment, joint = np.unravel_index(int(excess.argmax()), excess.shape)
+            begin, end = self.keys[segment].time_s, self.keys[segment + 1].time_s
+            needed = (end - begin) * excess[segment, joint]
+            return (
+                f"{spoken(self.name)}: {JOINTS[joint]} reaches {speeds[segment, joint]:.1f} rad/s between {begin:.2f} "
+                f"and {end:.2f} s, its motor {limit[joint]:.1f}; give it {np.ceil(100 * needed) / 100:.2f} s"
+            )
+        if self.duration_s < MIN_DURATION_S:
+            return f"{spoken(self.name)}: lasts {self.duration_s:.2f} s, expected {MIN_DURATION_S} s or more"
+        travelled = float(np.ptp(self.trajectory(), axis=0).max())
+        if travelled < MIN_EXCURSION_RAD:
+            return (
+                f"{spoken(self.name)}: hardly moves, its widest joint travels {travelled:.2f} rad, expected "
+                f"{MIN_EXCURSION_RAD} or more; add a key and drag the sliders"
+            )
+        return None
+
     def _with(self, place: int, key: Key) -> Draft:
         return replace(self, keys=(*self.keys[:place], key, *self.keys[place + 1 :]))
 
@@ -145,10 +179,6 @@ class KeyframeSet:
         """Put a draft at a place, which may be the one behind the last."""
         return KeyframeSet((*self.drafts[:place], draft, *self.drafts[place + 1 :]))
 
-    def without(self, place: int) -> KeyframeSet:
-        """Remove a draft."""
-        return KeyframeSet(self.drafts[:place] + self.drafts[place + 1 :])
-
     def free_name(self, wish: str) -> str:
         """Return the wish, or the wish with a number, such that no draft is called so."""
         taken = {draft.name for draft in self.drafts}
@@ -160,6 +190,39 @@ class KeyframeSet:
         made_by = {"method": "key postures joined in the explorer's page", "keys": json.loads(self.to_text())}
         names = tuple(draft.name for draft in self.drafts)
         return Demonstrations(names, [draft.trajectory() for draft in self.drafts], DT_S, JOINTS, made_by)
+
+    def shortcomings(self) -> list[str]:
+        """Return what keeps the set from being taught, one line each; empty when all is well."""
+        faults = [line for line in (draft.fault() for draft in self.drafts) if line]
+        if len(self.drafts) < 2:
+            return [*faults, "a memory needs two demonstrations or more; add one, or the mirror image of the first"]
+        every = np.concatenate([draft.trajectory() for draft in self.drafts])
+        still = [joint for joint, span in zip(JOINTS, np.ptp(every, axis=0), strict=True) if not span > 0]
+        if still:
+            faults.append(
+                f"{', '.join(still)} never moves in any demonstration; add a mirror image, or move it somewhere"
+            )
+        return faults
+
+    def advice(self) -> list[str]:
+        """Return what will make a memory worse, though it can be taught, one line each."""
+        if len(self.drafts) < 2:
+            return []
+        lines, names = [], [spoken(draft.name) for draft in self.drafts]
+        starts = np.array([draft.keys[0].posture for draft in self.drafts])
+        for name, away in zip(names, np.abs(starts - starts.mean(axis=0)), strict=True):
+            if away.max() > START_TOLERANCE_RAD:
+                lines.append(
+                    f"{name} starts {away.max():.2f} rad from the mean start at {JOINTS[int(away.argmax())]}; "
+                    "a memory starts all its movements in one posture"
+                )
+        distances = dtw_matrix([draft.trajectory() for draft in self.drafts])
+        threshold = Criteria().learned_threshold
+        for i, j in zip(*np.triu_indices(len(distances), 1), strict=True):
+            if distances[i, j] < threshold:
+                apart = f"{distances[i, j]:.1f} apart: within {threshold:g} they count as one movement"
+                lines.append(f"{names[i]} and {names[j]} are {apart}")
+        return lines
 
     def to_text(self) -> str:
         """Return the set as JSON."""
@@ -195,75 +258,3 @@ def boxing() -> KeyframeSet:
         pairs = zip(movement.times_s.round(2), movement.postures, strict=True)
         drafts.append(Draft(name, tuple(Key(time_s, tuple(posture)) for time_s, posture in pairs)))
     return KeyframeSet(tuple(drafts))
-
-
-MIN_DURATION_S = 0.6
-MIN_EXCURSION_RAD = 0.1
-"""What the widest joint should travel at least [rad]."""
-START_TOLERANCE_RAD = 0.3
-"""How far a demonstration may start from the mean start of all [rad]: a memory starts all its movements there."""
-PEAK_OF_MEAN = 1.875
-"""Largest speed of a minimum-jerk segment, as a multiple of its mean speed."""
-
-
-def peak_speeds(draft: Draft) -> np.ndarray:
-    """Return the largest speed of each joint between two keys [rad/s], shape (n_keys - 1, 8)."""
-    movement = draft.movement()
-    return PEAK_OF_MEAN * np.abs(np.diff(movement.postures, axis=0)) / np.diff(movement.times_s)[:, None]
-
-
-def fault(draft: Draft) -> str | None:
-    """Return what is wrong with a draft, one line, or None if it can be taught."""
-    speeds, limit = peak_speeds(draft), np.array([MAX_SPEED_RAD_S[joint] for joint in JOINTS])
-    excess = speeds / limit
-    if excess.max() > 1:
-        segment, joint = np.unravel_index(int(excess.argmax()), excess.shape)
-        begin, end = draft.keys[segment].time_s, draft.keys[segment + 1].time_s
-        needed = (end - begin) * excess[segment, joint]
-        return (
-            f"{spoken(draft.name)}: {JOINTS[joint]} reaches {speeds[segment, joint]:.1f} rad/s between {begin:.2f} and "
-            f"{end:.2f} s, its motor {limit[joint]:.1f}; give it {np.ceil(100 * needed) / 100:.2f} s"
-        )
-    if draft.duration_s < MIN_DURATION_S:
-        return f"{spoken(draft.name)}: lasts {draft.duration_s:.2f} s, expected {MIN_DURATION_S} s or more"
-    travelled = float(np.ptp(draft.trajectory(), axis=0).max())
-    if travelled < MIN_EXCURSION_RAD:
-        return (
-            f"{spoken(draft.name)}: hardly moves, its widest joint travels {travelled:.2f} rad, expected "
-            f"{MIN_EXCURSION_RAD} or more; add a key and drag the sliders"
-        )
-    return None
-
-
-def shortcomings(keyframes: KeyframeSet) -> list[str]:
-    """Return what keeps the set from being taught, one line each; empty when all is well."""
-    faults = [line for line in map(fault, keyframes.drafts) if line]
-    if len(keyframes.drafts) < 2:
-        return [*faults, "a memory needs two demonstrations or more; add one, or the mirror image of the first"]
-    every = np.concatenate([draft.trajectory() for draft in keyframes.drafts])
-    still = [joint for joint, span in zip(JOINTS, np.ptp(every, axis=0), strict=True) if not span > 0]
-    if still:
-        faults.append(f"{', '.join(still)} never moves in any demonstration; add a mirror image, or move it somewhere")
-    return faults
-
-
-def advice(keyframes: KeyframeSet) -> list[str]:
-    """Return what will make a memory worse, though it can be taught, one line each."""
-    if len(keyframes.drafts) < 2:
-        return []
-    lines = []
-    starts = np.array([draft.keys[0].posture for draft in keyframes.drafts])
-    away = np.abs(starts - starts.mean(axis=0))
-    for draft, row in zip(keyframes.drafts, away, strict=True):
-        if row.max() > START_TOLERANCE_RAD:
-            lines.append(
-                f"{spoken(draft.name)} starts {row.max():.2f} rad from the mean start at {JOINTS[int(row.argmax())]}; "
-                "a memory starts all its movements in one posture"
-            )
-    distances = dtw_matrix([draft.trajectory() for draft in keyframes.drafts])
-    threshold = Criteria().learned_threshold
-    for i, j in zip(*np.triu_indices(len(distances), 1), strict=True):
-        if distances[i, j] < threshold:
-            names = f"{spoken(keyframes.drafts[i].name)} and {spoken(keyframes.drafts[j].name)}"
-            lines.append(f"{names} are {distances[i, j]:.1f} apart: within {threshold:g} they count as one movement")
-    return lines

@@ -9,15 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from nicegui import events, run, ui
 
-from creative_nao.explorer.colours import (
-    is_number,
-    is_physical,
-    map_picture,
-    physical_figure,
-    png_address,
-    scale_label,
-    shared_span,
-)
+from creative_nao.explorer import colours
 from creative_nao.explorer.markup import legend_html, marks_svg
 from creative_nao.explorer.memory_service import ALL_WORDS, OUTCOME_WORDS, spoken
 from creative_nao.explorer.registry import LEVELS, Computation, FinerMap, LoadedMemory, finer_map, measured
@@ -35,7 +27,7 @@ Source = tuple[PBMap, str, np.ndarray | None]
 def _address(
     pb_map: PBMap, colour: str, view: View, values: np.ndarray | None = None, span: tuple[float, float] | None = None
 ) -> str:
-    return png_address(map_picture(pb_map, colour, view, values, span).quantize(256))
+    return colours.png_address(colours.map_picture(pb_map, colour, view, values, span).quantize(256))
 
 
 class MapPane:
@@ -90,14 +82,14 @@ class MapPane:
     def source(self, colour: str) -> Source | None:
         """Return the finest that the map can be painted from now; None if its numbers are not known yet."""
         physical, pb_map, covering = self.loaded.physical, self.loaded.pb_map, self.covering()
-        if is_physical(colour):
+        if colours.is_physical(colour):
             if physical is None:
                 return pb_map, NEAREST, None
-            return physical, colour, physical_figure(physical, colour) if is_number(colour) else None
-        if covering is not None and (not is_number(colour) or colour in covering.values):
+            return physical, colour, colours.physical_figure(physical, colour) if colours.is_number(colour) else None
+        if covering is not None and (not colours.is_number(colour) or colour in covering.values):
             return covering.pb_map, colour, covering.values.get(colour)
         known = self.loaded.known(pb_map, colour)
-        return None if is_number(colour) and known is None else (pb_map, colour, known)
+        return None if colours.is_number(colour) and known is None else (pb_map, colour, known)
 
     async def paint(self, source: Source, span: tuple[float, float] | None, asked: str) -> None:
         """Draw the map and its legend, unless they are drawn; `asked` is the colouring that was asked for."""
@@ -111,7 +103,7 @@ class MapPane:
             return
         self._painted = pb_map, settings
         self.image.set_source(picture)
-        whole = pb_map if is_physical(colour) else self.loaded.pb_map
+        whole = pb_map if colours.is_physical(colour) else self.loaded.pb_map
         self.legend.content = legend_html(whole, colour, None if values is None else span, lacking=colour != asked)
 
     def redraw(self, points: np.ndarray, marks: Mapping[str, Sequence[float]], agent_points: np.ndarray | None) -> None:
@@ -128,10 +120,10 @@ class MapPane:
         )
         if (source := self.source(colour)) is not None:
             shown, colour, values = source
-            if is_physical(colour):
+            if colours.is_physical(colour):
                 text += f"; on the robot: {ALL_WORDS[str(shown.outcome[cell_of(shown, pb)])]}"
             if values is not None and colour != "novelty":
-                text += f"; {scale_label(colour)}: {values[cell_of(shown, pb)]:.3g}"
+                text += f"; {colours.scale_label(colour)}: {values[cell_of(shown, pb)]:.3g}"
         self.hover.text = text
 
 
@@ -204,7 +196,7 @@ class MapState:
             self._painted = self._asked
             sources = [pane.source(self.colour) for pane in self._panes]
             numbers = [(source[0], source[2]) for source in sources if source is not None and source[2] is not None]
-            span = shared_span(numbers) if numbers else None
+            span = colours.shared_span(numbers) if numbers else None
             for pane, source in zip(self._panes, sources, strict=True):
                 if source is not None:
                     await pane.paint(source, span, self.colour)
@@ -213,10 +205,10 @@ class MapState:
     async def _refine(self, pane: MapPane, work: Computation) -> None:
         colour, view, loaded = self.colour, self.view, pane.loaded
         pb_map = loaded.pb_map
-        if is_number(colour) and not is_physical(colour) and loaded.known(pb_map, colour) is None:
+        if colours.is_number(colour) and not colours.is_physical(colour) and loaded.known(pb_map, colour) is None:
             await run.io_bound(loaded.numbers, pb_map, colour, work)
             await self._paint_unless(work)
-        if view is None or is_physical(colour):
+        if view is None or colours.is_physical(colour):
             work.share = 1.0
             return
         memory = loaded.service.memory
@@ -225,7 +217,7 @@ class MapState:
                 return
             finer, known = None, pane.covering()
             if known is not None and known.view == view and known.pb_map.resolution >= n:
-                if is_number(colour) and colour not in known.values:
+                if colours.is_number(colour) and colour not in known.values:
                     values = await run.io_bound(measured, memory, known.pb_map, colour, pb_map, work)
                     if values is not None:
                         finer = dataclasses.replace(known, values={**known.values, colour: values})

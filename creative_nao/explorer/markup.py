@@ -11,23 +11,14 @@ import numpy as np
 
 from creative_nao.demonstrations.keyframes import DT_S
 from creative_nao.evaluation.pages import render
-from creative_nao.explorer.colours import (
-    NEAREST,
-    USABLE,
-    as_picture,
-    data_address,
-    is_number,
-    png_address,
-    sample,
-    scale_label,
-)
+from creative_nao.explorer import colours
 from creative_nao.explorer.keyframe_editor import Draft
 from creative_nao.explorer.memory_service import ALL_WORDS, MemoryService, Recall, attribute, sentence, spoken
 from creative_nao.explorer.view import View
 from creative_nao.joints import JOINTS, LIMITS_RAD
 from creative_nao.maps import PBMap
 from creative_nao.maps.figure_style import PAPER_WHITE, UNUSABLE, action_colour, action_letter, rgb
-from creative_nao.maps.picture import MEASURE_COLOURS, map_image
+from creative_nao.maps.picture import MEASURE_COLOURS, NEAREST, map_image
 
 TEMPLATES = Path(__file__).with_name("templates")
 PANEL_W, PANEL_H = 150, 78
@@ -139,13 +130,13 @@ def legend_html(pb_map: PBMap, colour: str, span: tuple[float, float] | None = N
     if colour == NEAREST:
         fades = (f"linear-gradient(to right, {action_colour(k)}, {PAPER_WHITE})" for k in range(len(actions)))
         entries = list(zip(fades, actions, strict=True))
-    elif not is_number(colour):
-        entries = [(plain, texts[name]) for name, plain in USABLE.items()]
+    elif not colours.is_number(colour):
+        entries = [(plain, texts[name]) for name, plain in colours.USABLE.items()]
     entries += [(_swatch(name), texts[name]) for name in UNUSABLE if shares[name] > 0]
     scale = None
-    if is_number(colour) and span is not None:
+    if colours.is_number(colour) and span is not None:
         low, high = (f"{value:.3g}" for value in span)
-        scale = {"low": low, "high": high, "label": scale_label(colour), "colours": _ramp()}
+        scale = {"low": low, "high": high, "label": colours.scale_label(colour), "colours": _ramp()}
     return render(
         "legend.html.jinja", TEMPLATES, entries=entries, scale=scale, lacking=lacking,
         actions="" if colour == NEAREST else ", ".join(actions),
@@ -154,7 +145,7 @@ def legend_html(pb_map: PBMap, colour: str, span: tuple[float, float] | None = N
 
 @functools.cache
 def _swatch(outcome: str) -> str:
-    return f"url({png_address(as_picture(sample(outcome, 22, 14)))})"
+    return f"url({colours.png_address(colours.as_picture(colours.sample(outcome, 22, 14)))})"
 
 
 @functools.cache
@@ -208,7 +199,7 @@ def thumbnail(recall: Recall) -> str:
         "thumbnail.html.jinja", TEMPLATES, width=THUMBNAIL_W, height=THUMBNAIL_H, lines=lines,
         colour=action_colour(recall.nearest),
     )  # fmt: skip
-    return data_address("image/svg+xml", svg.encode())
+    return colours.data_address("image/svg+xml", svg.encode())
 
 
 LOSS_W, LOSS_H = 300, 150
@@ -234,7 +225,8 @@ def grown_map(pb_map: PBMap | None) -> str:
     if pb_map is None:
         return render("grown_map.html.jinja", TEMPLATES, picture="")
     letters = [(action_letter(k), 100 * (1 + x), 100 * (1 - y)) for k, (x, y) in enumerate(pb_map.learned_pb)]
+    picture = colours.png_address(colours.as_picture(map_image(pb_map)[::-1]))
     return render(
-        "grown_map.html.jinja", TEMPLATES, picture=png_address(as_picture(map_image(pb_map)[::-1])), letters=letters,
+        "grown_map.html.jinja", TEMPLATES, picture=picture, letters=letters,
         resolution=pb_map.resolution, usable_pct=100 * float(pb_map.appropriate.mean()),
     )  # fmt: skip

@@ -43,7 +43,6 @@ def build_page(tab: Tab) -> None:
     ui.page_title("Memory explorer")
     ui.add_css((STATIC / "page.css").read_text(encoding="utf-8"))
     ui.add_body_html(f"<script>{(STATIC / 'zoom.js').read_text(encoding='utf-8')}</script>")
-    tab.dark = ui.dark_mode(None)
     ui.label(" and ".join(f"Memory {panel.loaded.name}" for panel in tab.memory_panels)).classes("text-lg")
     toolbar(tab)
     twin = len(tab.memory_panels) > 1
@@ -73,8 +72,13 @@ def build_page(tab: Tab) -> None:
         if twin:
             with _area("keep"):
                 favourites(tab)
-    if not all(panel.loaded.finished.is_set() for panel in tab.memory_panels):
-        tab.poll = ui.timer(1.0, tab.fine_maps_ready)
+
+    async def show_fine_maps() -> None:
+        if all(panel.loaded.finished.is_set() for panel in tab.memory_panels):
+            waiting.deactivate()
+            await tab.map_state.work()
+
+    waiting = ui.timer(1.0, show_fine_maps)
 
 
 def _area(name: str, number: int = 1) -> ui.element:
@@ -106,6 +110,7 @@ def toolbar(tab: Tab) -> None:
         progress.value = round(share or 0.0, 2)
         poll.active = share is not None
 
+    dark = ui.dark_mode(None)
     with ui.row().classes("items-center gap-2 w-full cn-toolbar"):
         first, *others = (panel.loaded for panel in tab.memory_panels)
         names = [NONE, *(name for name in tab.app_state.registry.names if name != first.name)]
@@ -127,7 +132,7 @@ def toolbar(tab: Tab) -> None:
         taught = tab.app_state.taught
         ui.link("Teach", f"/teach?taught={taught}" if taught else "/teach").classes("px-2")
         ui.button("Keys", on_click=lambda: ui.notify(KEYS_HELP)).props("flat no-caps dense")
-        ui.button("Dark / light", on_click=tab.theme).props("flat no-caps dense")
+        ui.button("Dark / light", on_click=lambda: dark.set_value(not dark.value)).props("flat no-caps dense")
     progress = ui.linear_progress(0, show_value=False, size="3px").classes("cn-progress")
     progress.props('aria-label="Working the map out"')
     progress.set_visibility(False)
@@ -137,10 +142,15 @@ def toolbar(tab: Tab) -> None:
 
 def player(tab: Tab) -> None:
     """Lay out the player with the switches of physics and ghosts."""
+
+    def show_ghosts() -> None:
+        for panel in tab.memory_panels:
+            panel.ghost(bool(ghosts.value))
+
     with ui.row().classes("w-full items-center gap-2"):
         player_controls()
         tab.physics = ui.switch("Physics", on_change=lambda: tab.show(tab.points, keep=False))
-        ui.switch("Ghost of the nearest", value=True, on_change=tab.show_ghosts)
+        ghosts = ui.switch("Ghost of the nearest", value=True, on_change=show_ghosts)
 
 
 def movement_tools(tab: Tab) -> None:
@@ -150,17 +160,17 @@ def movement_tools(tab: Tab) -> None:
         await tab.show(np.array([[as_coordinate(tab.pb_1.value), as_coordinate(tab.pb_2.value)]]))
 
     async def show_surprise() -> None:
-        await tab.show(surprise(tab.pb_map, tab.rng)[None])
+        await tab.show(surprise(tab.first.pb_map, tab.rng)[None])
 
     async def more() -> None:
-        kept = [favourite.points[-1] for favourite in tab.favourites()[-3:]]
-        await tab.show(more_like(tab.pb_map, np.array([tuple(tab.points[-1]), *kept]), tab.rng)[None])
+        kept = [favourite.points[-1] for favourite in tab.app_state.session.favourites(tab.first.key)[-3:]]
+        await tab.show(more_like(tab.first.pb_map, np.array([tuple(tab.points[-1]), *kept]), tab.rng)[None])
 
     async def less() -> None:
-        await tab.show(less_like(tab.pb_map, tab.points[-1:], tab.rng)[None])
+        await tab.show(less_like(tab.first.pb_map, tab.points[-1:], tab.rng)[None])
 
     async def walk() -> None:
-        await tab.show(tab.service.memory.pb[[int(start.value or 0), int(end.value or 0)]])
+        await tab.show(tab.first.service.memory.pb[[int(start.value or 0), int(end.value or 0)]])
 
     with ui.row().classes("items-center gap-2"):
         tab.mode = ui.toggle(["point", "path"], value="point").props("no-caps dense aria-label='click or draw'")
@@ -174,7 +184,7 @@ def movement_tools(tab: Tab) -> None:
             ("Surprise me", show_surprise), ("More like this", more), ("Less like this", less), ("Back", tab.back),
         ):  # fmt: skip
             ui.button(text, on_click=action).props("dense no-caps outline")
-    names = {place: spoken(name) for place, name in enumerate(tab.service.names)}
+    names = {place: spoken(name) for place, name in enumerate(tab.first.service.names)}
     with ui.row().classes("items-center gap-2"):
         start = ui.select(names, value=0, label="A path from").props("dense options-dense").classes("w-32")
         end = ui.select(names, value=len(names) - 1, label="to").props("dense options-dense").classes("w-32")
@@ -224,10 +234,11 @@ def exchange(tab: Tab) -> None:
     """Lay out export and import."""
 
     async def download(format_name: str) -> None:
-        if tab.recall is None:
+        recall = tab.memory_panels[0].recall
+        if recall is None:
             return
         try:
-            exported = await run.io_bound(export, tab.recall, tab.service, format_name)
+            exported = await run.io_bound(export, recall, tab.first.service, format_name)
         except CreativeNaoError as error:
             ui.notify(str(error), type="negative")
             return
@@ -263,16 +274,16 @@ def exchange(tab: Tab) -> None:
 
 
 async def _recognise(tab: Tab, name: str, content: bytes) -> None:
-    recording = await run.io_bound(read_upload, name, content, tab.service.memory.dt_s)
+    recording = await run.io_bound(read_upload, name, content, tab.first.service.memory.dt_s)
     if recording is None:
         return
     status = tab.memory_panels[0].status
     status.text = "Recognising the recording ..."
-    recognised = await run.io_bound(tab.service.recognise, recording.motion.angles)
+    recognised = await run.io_bound(tab.first.service.recognise, recording.motion.angles)
     if recognised is None:
         return
     point, distance, recall = recognised
-    tab.marks["R"] = float(point[0]), float(point[1])
+    tab.marks["R"] = tuple(point)
     tab.points = point[None]
     tab.redraw()
     await tab.present(recall)
@@ -303,7 +314,7 @@ def favourites(tab: Tab) -> None:
             tab.go_beside(favourite.beside)
 
     def card(favourite: Favourite) -> None:
-        movement = tab.service.recall(np.array(favourite.points))
+        movement = tab.first.service.recall(np.array(favourite.points))
         with ui.card().classes("p-1 gap-0 items-center"):
             picture = ui.image(thumbnail(movement)).classes("w-24 h-14 cursor-pointer")
             picture.props('tabindex=0 role=button aria-label="Recall a favourite"')
@@ -315,7 +326,7 @@ def favourites(tab: Tab) -> None:
     def refresh() -> None:
         cards.clear()
         with cards:
-            for favourite in tab.favourites()[-24:]:
+            for favourite in session.favourites(tab.first.key)[-24:]:
                 card(favourite)
 
     with ui.row().classes("items-center gap-2"):

@@ -47,22 +47,21 @@ class BrowserRobot:
         data.qpos[self.scene.index.arm_qpos] = 0.0
         mujoco.mj_kinematics(model, data)
         places, turns = _in_parent(model, data)
+        visible = np.flatnonzero((model.geom_group == VISIBLE_GROUP) & np.isin(model.geom_type, list(SHAPES)))
         bodies = [
             {
                 "name": _name(model, body),
                 "parent": _name(model, int(model.body_parentid[body])),
                 "pos": _rounded(places[body]),
                 "quat": _rounded(turns[body][[1, 2, 3, 0]]),
-                "shapes": [_shape(model, geom) for geom in range(model.ngeom) if _is_seen(model, geom, body)],
+                "shapes": [_shape(model, int(geom)) for geom in visible if model.geom_bodyid[geom] == body],
             }
             for body in range(model.nbody)
         ]
         hinges = []
         for joint in JOINTS:
-            number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"nao/{joint}")
-            hinges.append(
-                {"body": _name(model, int(model.jnt_bodyid[number])), "axis": _rounded(model.jnt_axis[number])}
-            )
+            hinge = model.joint(f"nao/{joint}")
+            hinges.append({"body": _name(model, int(hinge.bodyid[0])), "axis": _rounded(hinge.axis)})
         self.description: dict[str, Any] = {"bodies": bodies, "hinges": hinges}
 
     def clip(self, performance: Performance) -> dict[str, Any]:
@@ -118,12 +117,6 @@ def _name(model: Any, body: int) -> str:
     return model.body(body).name or "world"
 
 
-def _is_seen(model: Any, geom: int, body: int) -> bool:
-    if model.geom_bodyid[geom] != body or model.geom_group[geom] != VISIBLE_GROUP:
-        return False
-    return mujoco.mjtGeom(int(model.geom_type[geom])) in SHAPES
-
-
 def _shape(model: Any, geom: int) -> dict[str, Any]:
     material = int(model.geom_matid[geom])
     colour = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
@@ -167,10 +160,7 @@ STATIC = Path(__file__).with_name("static")
 
 
 class RobotView(Object3D, component=STATIC / "robot.js"):
-    """The robot in the scene of a tab."""
-
-    def __init__(self, description: dict[str, Any]) -> None:
-        super().__init__(description)
+    """The robot in the scene of a tab; its argument is `BrowserRobot.description`."""
 
     def perform(self, movement: dict[str, Any], ghost: dict[str, Any] | None = None) -> None:
         """Let the browser play a movement, with the nearest basic action as a ghost."""

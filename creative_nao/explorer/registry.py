@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 import os
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -45,29 +46,20 @@ def cache_path(memory: Memory, resolution: int = PAPER_RESOLUTION) -> Path:
     return folder / f"{content_hash(memory)}-{resolution}-{__version__}.safetensors"
 
 
-def kept_map(memory: Memory, resolution: int = PAPER_RESOLUTION) -> PBMap | None:
-    """Return the map if it was computed before; a torn file counts as none."""
-    try:
-        return PBMap.load(cache_path(memory, resolution))
-    except (FileFormatError, NotFoundError):
-        return None
-
-
 def cached_map(memory: Memory, resolution: int = PAPER_RESOLUTION) -> PBMap:
     """Return the scored map of a memory, from the cache or computed now and kept.
 
-    A cache that cannot be written is no error: the map is then computed each time.
+    A torn file counts as none. A cache that cannot be written is no error: the map is then computed each time.
 
     Raises:
         SettingsError: If the memory does not have two PB units or `resolution` is below 2.
     """
-    pb_map = kept_map(memory, resolution)
-    if pb_map is None:
-        pb_map = maps.pb_map(memory, resolution)
-        try:
-            pb_map.save(cache_path(memory, resolution))
-        except OSError:
-            return pb_map
+    path = cache_path(memory, resolution)
+    with contextlib.suppress(FileFormatError, NotFoundError):
+        return PBMap.load(path)
+    pb_map = maps.pb_map(memory, resolution)
+    with contextlib.suppress(OSError):
+        pb_map.save(path)
     return pb_map
 
 
@@ -171,40 +163,29 @@ def finer_map(memory: Memory, whole: PBMap, view: View, n: int, colour: str, wor
     return FinerMap(view, dataclasses.replace(cells, trajectories=None), values)
 
 
-def physical_map_of(memory: Memory, files: Iterable[Path]) -> PhysicalMap | None:
-    """Return the physical map of a memory among files, the last if there are several; None if there is none.
+def load_physical(files: Iterable[Path], memories: Iterable[Memory]) -> dict[str, PhysicalMap]:
+    """Return the physical maps of memories by their `fingerprint`; of several of one memory the last.
 
     Raises:
-        NotFoundError: If there is no such file.
-        FileFormatError: If it is torn, foreign or unfinished.
-    """
-    own = fingerprint(memory)
-    every = [PhysicalMap.load(path) for path in files]
-    return next((found for found in reversed(every) if _settings(found).get("sha256") == own), None)
-
-
-def check_physical(files: Iterable[Path], memories: Iterable[Memory]) -> None:
-    """Make sure that every file is the physical map of one of the memories.
-
-    Raises:
-        SettingsError: If one is not.
+        SettingsError: If a file belongs to none of the memories.
         NotFoundError: If there is no such file.
         FileFormatError: If it is torn, foreign or unfinished.
     """
     shown = {fingerprint(memory): memory.name for memory in memories}
+    physical = {}
     for path in files:
-        settings = _settings(PhysicalMap.load(path))
-        if settings.get("sha256") not in shown:
+        pb_map = PhysicalMap.load(path)
+        settings = pb_map.record.get("settings", {})
+        own = settings.get("sha256")
+        if own not in shown:
             names = list(shown.values())
             raise SettingsError(
                 f"{path} is a physical map of the memory {settings.get('memory', '')!s:.60}, with other weights or "
                 f"basic actions than {' or '.join(names)}; make one with "
                 f"`creative-nao map {names[0]} --physical --out FILE`"
             )
-
-
-def _settings(pb_map: PhysicalMap) -> dict[str, object]:
-    return pb_map.record.get("settings", {})
+        physical[own] = pb_map
+    return physical
 
 
 COARSE = 40
@@ -212,11 +193,6 @@ COARSE = 40
 
 class LoadedMemory:
     """One memory with what was computed of it, shared by all tabs that show it.
-
-    Args:
-        memory: The memory.
-        resolution: Points along each axis of its fine map.
-        physical: What the robot's body makes of it, if that was worked out.
 
     Attributes:
         name: What the page calls it: a shipped name, or the path it was given by.
@@ -234,10 +210,11 @@ class LoadedMemory:
         self._resolution = resolution
         self._numbers: dict[tuple[str, int], np.ndarray] = {}
         self._lock = threading.Lock()
-        kept = kept_map(memory, resolution)
-        self.pb_map = _without_movements(maps.pb_map(memory, min(COARSE, resolution))) if kept is None else kept
-        if kept is not None:
+        try:
+            self.pb_map = PBMap.load(cache_path(memory, resolution))
             self.finished.set()
+        except (FileFormatError, NotFoundError):
+            self.pb_map = _without_movements(maps.pb_map(memory, min(COARSE, resolution)))
 
     def start(self) -> None:
         """Compute the fine map in a thread, unless it is there."""
@@ -278,7 +255,7 @@ class MemoryRegistry:
     Args:
         memories: Those the page was started with: the one it shows, and perhaps one beside it.
         resolution: Points along each axis of their maps.
-        physical: Files of physical maps; each is used with the memory that it belongs to.
+        physical: Physical maps, as `load_physical` returns them.
 
     Attributes:
         first: The memory that the page is about.
@@ -287,9 +264,12 @@ class MemoryRegistry:
     """
 
     def __init__(
-        self, memories: Sequence[Memory], resolution: int = PAPER_RESOLUTION, physical: Sequence[Path] = ()
+        self,
+        memories: Sequence[Memory],
+        resolution: int = PAPER_RESOLUTION,
+        physical: Mapping[str, PhysicalMap] | None = None,
     ) -> None:
-        self._resolution, self._physical = resolution, tuple(physical)
+        self._resolution, self._physical = resolution, physical or {}
         self._lock = threading.Lock()
         self._loaded = {memory.name: self._load(memory) for memory in memories}
         started = list(self._loaded)
@@ -317,4 +297,4 @@ class MemoryRegistry:
             loaded.start()
 
     def _load(self, memory: Memory) -> LoadedMemory:
-        return LoadedMemory(memory, self._resolution, physical_map_of(memory, self._physical))
+        return LoadedMemory(memory, self._resolution, self._physical.get(fingerprint(memory)))

@@ -105,19 +105,16 @@ class Tabs:
     def __len__(self) -> int:
         return len(self._tabs)
 
-    def admits(self, tab: Tab | TeachTab, *ends: Callable[[], object]) -> bool:
-        """Keep the tab being built until it goes, then close it and call `ends`; too many are refused in a line."""
+    def admits(self, tab: Tab | TeachTab) -> bool:
+        """Keep the tab being built until it goes, then close it; one too many is closed at once and told so."""
         if len(self._tabs) >= MAX_TABS:
-            for end in ends:
-                end()
+            tab.close()
             ui.label(f"{MAX_TABS} tabs are open. Close some, wait a minute and reload this page.")
             return False
         client = ui.context.client
         key = client.id
         self._tabs[key] = tab
         client.on_delete(lambda: self._release(key))
-        for end in ends:
-            client.on_delete(end)
         return True
 
     def _release(self, key: str) -> None:
@@ -147,8 +144,9 @@ def mount(started: AppState) -> Tabs:
         place = page_address(x, y, path, beside, view, colour)
         second = place.beside or app_state.registry.beside
         wanted = second in app_state.registry.names and second != app_state.registry.first.name
-        tab = Tab(app_state, place, await run.io_bound(app_state.registry.get, second) if wanted else None)
-        if not tabs.admits(tab, lambda: sessions.release(taught)):
+        loaded = await run.io_bound(app_state.registry.get, second) if wanted else None
+        tab = Tab(app_state, place, loaded, lambda: sessions.release(taught))
+        if not tabs.admits(tab):
             return
         if taught and app_state is started:
             ui.notify("The memory taught in the page is gone; this is the server's own.", type="warning")

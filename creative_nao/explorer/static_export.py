@@ -17,20 +17,7 @@ from creative_nao import storage
 from creative_nao.envs.physical_map import PhysicalMap
 from creative_nao.errors import MissingDependencyError
 from creative_nao.evaluation.pages import render
-from creative_nao.explorer.colours import (
-    NAMES,
-    PATTERNS,
-    STRENGTH,
-    as_picture,
-    borders,
-    cell_colours,
-    data_address,
-    is_number,
-    is_physical,
-    physical_figure,
-    png_address,
-    scale_label,
-)
+from creative_nao.explorer import colours
 from creative_nao.explorer.markup import ORDER, TEMPLATES, legend_html
 from creative_nao.explorer.memory_service import MemoryService, spoken
 from creative_nao.explorer.physics_service import BrowserRobot
@@ -65,18 +52,18 @@ def colour_sheets(memory: Memory, pb_map: PBMap, physical: PhysicalMap | None = 
     if pb_map.trajectories is None:
         pb_map = dataclasses.replace(pb_map, trajectories=memory.generate(pb_map.pb), dt_s=memory.dt_s)
     sheets = []
-    for name, text in NAMES.items():
+    for name, text in colours.NAMES.items():
         values = None
-        if not is_physical(name):
+        if not colours.is_physical(name):
             coloured = pb_map
-            values = measured(memory, pb_map, name, pb_map, Computation()) if is_number(name) else None
+            values = measured(memory, pb_map, name, pb_map, Computation()) if colours.is_number(name) else None
         elif physical is not None:
             coloured = physical
-            values = physical_figure(physical, name) if is_number(name) else None
+            values = colours.physical_figure(physical, name) if colours.is_number(name) else None
         else:
             continue
         sheet = _sheet(coloured, name, values)
-        sheets.append({"name": name, "text": text, "texture": int(is_physical(name)), **sheet})
+        sheets.append({"name": name, "text": text, "texture": int(colours.is_physical(name)), **sheet})
     textures = [texture_address(drawn) for drawn in (pb_map, physical) if drawn is not None]
     return {"levels": LEVELS, "textures": textures, "sheets": sheets}
 
@@ -84,13 +71,14 @@ def colour_sheets(memory: Memory, pb_map: PBMap, physical: PhysicalMap | None = 
 def _sheet(pb_map: PBMap, name: str, values: np.ndarray | None) -> dict[str, Any]:
     n = pb_map.resolution
     if values is None:
-        drawn = as_picture(cell_colours(pb_map, name)).quantize(256)
+        drawn = colours.as_picture(colours.cell_colours(pb_map, name)).quantize(256)
         scale = {"legend": legend_html(pb_map, name)}
         plane, palette = np.asarray(drawn), np.array(drawn.getpalette(), np.uint8)
     else:
         low, high = span = measure_span(pb_map, values)
         plane, palette = _steps(pb_map, values, low, high)
-        scale = {"legend": legend_html(pb_map, name, span), "label": scale_label(name), "low": low, "high": high}
+        scale = {"legend": legend_html(pb_map, name, span), "label": colours.scale_label(name)}
+        scale |= {"low": low, "high": high}
     differences = np.diff(plane.reshape(n, n), axis=1, prepend=np.uint8(0))
     return {
         "n": n, "plane": _text(zlib.compress(differences.tobytes(), 9)), "palette": _text(palette.tobytes()), **scale
@@ -116,12 +104,14 @@ def texture_address(pb_map: PBMap) -> str:
     outcome = pb_map.outcome.reshape(pb_map.resolution, -1)[np.ix_(rows, columns)]
     up, across = np.mgrid[:SIZE, :SIZE]
     drawn = np.zeros((SIZE, SIZE), np.uint8)
-    for name, pattern in PATTERNS.items():
+    for name, pattern in colours.PATTERNS.items():
         drawn[(outcome == name) & pattern(up, across)] = 1
-    drawn[borders(pb_map, rows, columns)] = 2
+    drawn[colours.borders(pb_map, rows, columns)] = 2
     picture = Image.fromarray(drawn, mode="P")
     picture.putpalette([255, 255, 255, 255, 255, 255, *(round(255 * channel) for channel in rgb(INK))])
-    return png_address(picture, optimize=True, bits=2, transparency=bytes([0, round(255 * STRENGTH), 255]))
+    return colours.png_address(
+        picture, optimize=True, bits=2, transparency=bytes([0, round(255 * colours.STRENGTH), 255])
+    )
 
 
 def _text(content: bytes) -> str:
@@ -200,7 +190,7 @@ def _modules() -> dict[str, str]:
     library = Path(package.origin).parent / "elements" / "scene" / "dist" / "index.js"
     sources = {"nicegui-scene": library}
     sources |= {f"cn-{name}": STATIC / f"{name}.js" for name in ("robot", "network", "attribution", "colouring")}
-    return {name: data_address("text/javascript", path.read_bytes()) for name, path in sources.items()}
+    return {name: colours.data_address("text/javascript", path.read_bytes()) for name, path in sources.items()}
 
 
 def _packed(array: np.ndarray) -> str:

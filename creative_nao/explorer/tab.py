@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,6 @@ from creative_nao.explorer.physics_service import PhysicsService, angles_message
 from creative_nao.explorer.registry import NONE, LoadedMemory, MemoryRegistry
 from creative_nao.explorer.state import MAX_NOTE, MAX_POINTS, Favourite, PageAddress, Session
 from creative_nao.explorer.view import View
-from creative_nao.maps import PBMap
 
 STEP = 2.0
 """How much nearer a key or a button brings."""
@@ -108,6 +107,7 @@ class Tab:
         app_state: What it shares with all tabs.
         place: Where it is.
         beside: A second memory that follows every step beside the first.
+        closed: Called when the tab goes.
     """
 
     mode: ui.toggle
@@ -116,23 +116,22 @@ class Tab:
     pb_2: ui.number
     physics: ui.switch
     """Whether the movement is performed in physics."""
-    dark: ui.dark_mode
-    poll: ui.timer
-    """Waits for the fine maps."""
 
-    def __init__(self, app_state: AppState, place: PageAddress, beside: LoadedMemory | None = None) -> None:
+    def __init__(
+        self, app_state: AppState, place: PageAddress, beside: LoadedMemory | None, closed: Callable[[], object]
+    ) -> None:
+        self._closed = closed
         self.app_state = app_state
-        self.service = app_state.registry.first.service
+        self.first = app_state.registry.first
+        """The memory that letters, surprises and favourites are of."""
         self.client = ui.context.client
         self.beside = beside.name if beside is not None else NONE if app_state.registry.beside else ""
         self.rng = np.random.default_rng()
         self.points = place.points
-        self.memory_panels = [
-            MemoryPanel(loaded) for loaded in (app_state.registry.first, beside) if loaded is not None
-        ]
+        self.memory_panels = [MemoryPanel(loaded) for loaded in (self.first, beside) if loaded is not None]
         self.map_state = MapState([panel.map for panel in self.memory_panels], self._maps_changed)
         self.map_state.set(place.view, place.colour)
-        self.marks: dict[str, tuple[float, float]] = {}
+        self.marks: dict[str, Sequence[float]] = {}
         self.trail: list[np.ndarray] = []
         self.refresh_favourites: Callable[[], object] = lambda: None
         self.refresh_toolbar: Callable[[], object] = lambda: None
@@ -140,18 +139,9 @@ class Tab:
         self._numbers = itertools.count(1)
         self._latest = 0
 
-    @property
-    def recall(self) -> Recall | None:
-        """The movement of the first memory."""
-        return self.memory_panels[0].recall
-
-    @property
-    def pb_map(self) -> PBMap:
-        """The map of the first memory."""
-        return self.memory_panels[0].loaded.pb_map
-
     def close(self) -> None:
         """End the tab's work and drop what it holds; what is still being computed is not shown any more."""
+        self._closed()
         self.map_state.cancel()
         self._latest = next(self._numbers)
         self.marks, self.trail, self.drawing = {}, [], []
@@ -290,41 +280,22 @@ class Tab:
             await self.zoom(_ZOOMS[key])
         elif key == "0":
             await self.look_at(None, self.map_state.colour)
-        elif key.isdigit() and int(key) <= len(self.service.names):
-            await self.show(self.service.memory.pb[int(key) - 1][None])
+        elif key.isdigit() and int(key) <= len(self.first.service.names):
+            await self.show(self.first.service.memory.pb[int(key) - 1][None])
         elif key == "r":
-            await self.show(surprise(self.pb_map, self.rng)[None])
+            await self.show(surprise(self.first.pb_map, self.rng)[None])
         elif key == "u":
             await self.back()
         elif key == "s":
             self.keep_favourite()
 
-    def show_ghosts(self, event: events.ValueChangeEventArguments[bool | None]) -> None:
-        """Show or hide the nearest basic action beside every robot."""
-        for panel in self.memory_panels:
-            panel.ghost(bool(event.value))
-
-    async def fine_maps_ready(self) -> None:
-        """Show the fine maps once they are computed."""
-        if all(panel.loaded.finished.is_set() for panel in self.memory_panels):
-            self.poll.deactivate()
-            await self.map_state.work()
-
-    def theme(self) -> None:
-        """Change between dark and light."""
-        self.dark.value = not self.dark.value
-
     def keep_favourite(self, note: str = "") -> None:
         """Keep the movement shown as a favourite."""
-        if self.recall is not None:
+        if self.memory_panels[0].recall is not None:
             points = tuple((float(x), float(y)) for x, y in self.points)
             beside = self.memory_panels[1].loaded.name if len(self.memory_panels) > 1 else ""
-            favourite = Favourite(self.memory_panels[0].loaded.key, points, note[:MAX_NOTE], beside)
+            favourite = Favourite(self.first.key, points, note[:MAX_NOTE], beside)
             self.change_favourites(self.app_state.session.add, favourite)
-
-    def favourites(self) -> list[Favourite]:
-        """Return the favourites of the first memory, oldest first."""
-        return self.app_state.session.favourites(self.memory_panels[0].loaded.key)
 
     def change_favourites(self, change: Callable[[Favourite], None], favourite: Favourite) -> bool:
         """Change the favourites and show them; tell the user when they cannot be written."""

@@ -20,8 +20,6 @@ from creative_nao.explorer.keyframe_editor import (
     KeyframeSet,
     blank,
     boxing,
-    fault,
-    shortcomings,
 )
 from creative_nao.explorer.markup import draft_svg
 from creative_nao.explorer.memory_service import spoken
@@ -142,7 +140,7 @@ class TeachTab:
             for place, draft in enumerate(self.keyframes.drafts):
                 chosen = place == self.place
                 button = ui.button(
-                    f"{action_letter(place)} {spoken(draft.name)}{' - has a fault' if fault(draft) else ''}"
+                    f"{action_letter(place)} {spoken(draft.name)}{' - has a fault' if draft.fault() else ''}"
                 )
                 button.on_click(lambda _, place=place: self._show(place)).classes("cn-draft")
                 button.props(
@@ -215,7 +213,8 @@ class TeachTab:
         if len(self.keyframes.drafts) == 1:
             ui.notify("One demonstration has to stay; start anew with the empty set.")
             return
-        self.change(self.keyframes.without(self.place), max(self.place - 1, 0), 0)
+        others = tuple(draft for draft in self.keyframes.drafts if draft is not self.draft)
+        self.change(KeyframeSet(others), max(self.place - 1, 0), 0)
         self.refresh()
 
     def _rename(self, event: events.GenericEventArguments) -> None:
@@ -300,7 +299,7 @@ class TeachTab:
 
     def _describe(self) -> None:
         """Say whether what is shown, and the whole set, can be taught."""
-        line = fault(self.draft) or next(iter(shortcomings(self.keyframes)), "")
+        line = self.draft.fault() or next(iter(self.keyframes.shortcomings()), "")
         self.status.text = line or f"{len(self.keyframes.drafts)} demonstrations, all fit to be taught."
         self.status.classes(add="cn-fault" if line else "", remove="" if line else "cn-fault")
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import secrets
+import shutil
 import tempfile
 import threading
 import time
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from nicegui import run, ui
 from creative_nao import maps
 from creative_nao.demonstrations import Demonstrations, save_demonstrations
 from creative_nao.errors import CreativeNaoError, SettingsError
-from creative_nao.explorer.keyframe_editor import KeyframeSet, advice, shortcomings
+from creative_nao.explorer.keyframe_editor import KeyframeSet
 from creative_nao.explorer.markup import grown_map, loss_svg
 from creative_nao.explorer.memory_service import spoken
 from creative_nao.explorer.registry import MemoryRegistry
@@ -204,20 +203,17 @@ class TrainingSessions:
 
     def hold(self, key: str) -> Trainer | None:
         """Hold a trainer for one more tab; None if there is no such."""
-        trainer = self._trainers.get(key)
-        if trainer is not None:
+        if (trainer := self.get(key)) is not None:
             trainer.holders += 1
         return trainer
 
     def release(self, key: str) -> None:
         """Hold it for one tab less; without any, it is stopped and forgotten."""
-        trainer = self._trainers.get(key)
-        if trainer is None:
-            return
-        trainer.holders -= 1
-        if trainer.holders <= 0:
-            trainer.stop()
-            del self._trainers[key]
+        if (trainer := self.get(key)) is not None:
+            trainer.holders -= 1
+            if trainer.holders <= 0:
+                trainer.stop()
+                del self._trainers[key]
 
 
 RATIOS = {0.0: "open loop", 0.5: "half closed", 1.0: "closed loop"}
@@ -288,16 +284,16 @@ class TrainingPanel:
 
     def keyframes_changed(self) -> None:
         """Let the button say whether the set can be taught, and what would make it better."""
-        self.train.set_enabled(not shortcomings(self._keyframes()))
+        self.train.set_enabled(not self._keyframes().shortcomings())
         self.advice.clear()
         with self.advice:
-            for line in advice(self._keyframes())[:4]:
+            for line in self._keyframes().advice()[:4]:
                 ui.label(f"Advice: {line}.").classes("text-sm")
 
     def _train(self) -> None:
         if self.trainer is not None and self.trainer.progress.busy:
             return
-        if faults := shortcomings(self._keyframes()):
+        if faults := self._keyframes().shortcomings():
             self.status.text = faults[0]
             return
         try:
@@ -383,27 +379,17 @@ class TrainingPanel:
             ui.navigate.to(f"/?taught={name}")
 
     async def _download(self) -> None:
-        memory = None if self.trainer is None else self.trainer.progress.memory
-        if memory is not None:
-            content = await run.io_bound(_memory_file, memory)
-            if content is not None:
-                ui.download.content(content, "taught.safetensors")
+        if self.trainer is not None and (memory := self.trainer.progress.memory) is not None:
+            with tempfile.TemporaryDirectory() as folder:
+                path = await run.io_bound(memory.save, Path(folder) / "taught.safetensors")
+                if path is not None:
+                    ui.download.content(path.read_bytes(), path.name)
 
     async def _download_csv(self) -> None:
-        content = await run.io_bound(_csv_archive, self._keyframes().demonstrations())
-        if content is not None:
-            ui.download.content(content, "demonstrations.zip")
-
-
-def _memory_file(memory: Memory) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        return memory.save(Path(folder) / "taught.safetensors").read_bytes()
-
-
-def _csv_archive(demonstrations: Demonstrations) -> bytes:
-    """Return a ZIP archive of CSV files that `creative-nao train --demonstrations` takes unpacked."""
-    stream = io.BytesIO()
-    with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in sorted(save_demonstrations(folder, demonstrations).iterdir()):
-            archive.write(path, f"demonstrations/{path.name}")
-    return stream.getvalue()
+        """Offer a ZIP archive of CSV files that `creative-nao train --demonstrations` takes unpacked."""
+        demonstrations = self._keyframes().demonstrations()
+        with tempfile.TemporaryDirectory() as folder:
+            await run.io_bound(save_demonstrations, Path(folder) / "demonstrations", demonstrations)
+            archive = await run.io_bound(shutil.make_archive, f"{folder}/made", "zip", folder, "demonstrations")
+            if archive is not None:
+                ui.download.content(Path(archive).read_bytes(), "demonstrations.zip")

@@ -9,7 +9,7 @@ import pytest
 
 from creative_nao import maps
 from creative_nao.cli import main
-from creative_nao.envs.physical_map import PhysicalMap
+from creative_nao.envs.physical_map import PhysicalMap, fingerprint
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.explorer import colours
 from creative_nao.explorer.colours import PATTERNS, map_picture, sample
@@ -17,10 +17,9 @@ from creative_nao.explorer.markup import legend_html
 from creative_nao.explorer.registry import (
     Computation,
     LoadedMemory,
-    check_physical,
     finer_map,
+    load_physical,
     measured,
-    physical_map_of,
 )
 from creative_nao.explorer.view import SIZE, View
 from creative_nao.maps.figure_style import UNUSABLE
@@ -144,12 +143,11 @@ def test_finer_cells_are_what_the_memory_makes_there(memory, pb_map, colour):
 
 def test_a_physical_map_belongs_to_its_memory(memory, physical, tmp_path):
     own, foreign = RESULTS / "half_0.npz", RESULTS / "open_0.npz"
-    found = physical_map_of(memory, [foreign, own])
-    np.testing.assert_array_equal(found.outcome, physical.outcome)
-    assert physical_map_of(memory, [foreign]) is None
-    check_physical([own, foreign], [memory, load_memory("open/0")])
+    loaded = load_physical([foreign, own], [memory, load_memory("open/0")])
+    assert len(loaded) == 2
+    np.testing.assert_array_equal(loaded[fingerprint(memory)].outcome, physical.outcome)
     with pytest.raises(SettingsError, match=r"physical map of the memory open/0.*than half/0; make one with `creative"):
-        check_physical([foreign], [memory])
+        load_physical([foreign], [memory])
 
 
 def test_a_foreign_physical_map_is_one_line_and_exit_code_2(tmp_path, capsys):

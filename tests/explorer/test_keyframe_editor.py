@@ -11,12 +11,8 @@ from creative_nao.explorer.keyframe_editor import (
     Draft,
     Key,
     KeyframeSet,
-    advice,
     blank,
     boxing,
-    fault,
-    peak_speeds,
-    shortcomings,
 )
 from creative_nao.joints import JOINTS, limits
 
@@ -33,7 +29,7 @@ def test_the_boxing_set_is_the_shipped_key_postures():
     for draft in boxing_set.drafts:
         meant = keyframes(draft.name).at(np.arange(N_STEPS) * DT_S)
         np.testing.assert_allclose(draft.trajectory(), meant, atol=0.03)  # times are whole hundredths here
-    assert shortcomings(boxing_set) == advice(boxing_set) == []
+    assert boxing_set.shortcomings() == boxing_set.advice() == []
     assert KeyframeSet.from_text(boxing_set.to_text()) == boxing_set
 
 
@@ -66,24 +62,24 @@ def test_the_mirror_image_of_the_mirror_image_is_the_same():
 def test_too_fast_is_one_line_that_says_how_to_mend_it():
     draft, key = blank("swing").with_key(0.3)
     draft = draft.posed(key, 0, -2.0)
-    said = fault(draft)
+    said = draft.fault()
     assert said == ("swing: RShoulderPitch reaches 18.1 rad/s between 0.00 and 0.30 s, its motor 7.9; give it 0.69 s")
-    assert peak_speeds(draft)[0, 0] == pytest.approx(1.875 * 2.9 / 0.3)
+    assert draft.peak_speeds()[0, 0] == pytest.approx(1.875 * 2.9 / 0.3)
     fine = np.gradient(draft.movement().at(np.arange(0, 0.3, 1e-4))[:, 0], 1e-4)
-    assert np.abs(fine).max() == pytest.approx(peak_speeds(draft)[0, 0], rel=1e-3)  # the factor is that of the curve
-    assert fault(draft.at_time(key, 0.69)) is None
+    assert np.abs(fine).max() == pytest.approx(draft.peak_speeds()[0, 0], rel=1e-3)  # the factor is that of the curve
+    assert draft.at_time(key, 0.69).fault() is None
 
 
 def test_what_cannot_be_learned_is_said_in_one_line():
-    assert "hardly moves, its widest joint travels 0.00 rad" in fault(blank())
+    assert "hardly moves, its widest joint travels 0.00 rad" in blank().fault()
     alone = KeyframeSet((waving(),))
-    assert shortcomings(alone) == [
+    assert alone.shortcomings() == [
         "a memory needs two demonstrations or more; add one, or the mirror image of the first"
     ]
     one_arm = KeyframeSet((waving(), waving("again", 0.0)))
-    assert "LShoulderPitch" in shortcomings(one_arm)[0]
-    assert "never moves in any demonstration; add a mirror image" in shortcomings(one_arm)[0]
-    assert any("wave and again are" in line and "count as one movement" in line for line in advice(one_arm))
+    assert "LShoulderPitch" in one_arm.shortcomings()[0]
+    assert "never moves in any demonstration; add a mirror image" in one_arm.shortcomings()[0]
+    assert any("wave and again are" in line and "count as one movement" in line for line in one_arm.advice())
 
 
 @pytest.mark.parametrize(

@@ -23,9 +23,9 @@ def main(port, folder, patience_s):
         make(self)
         registers.append(self)
 
-    def watched(self, tab, *ends):
+    def watched(self, tab):
         born.append(weakref.ref(tab))
-        return admits(self, tab, *ends)
+        return admits(self, tab)
 
     server.Tabs.__init__, server.Tabs.admits = remembered, watched
 
