@@ -166,7 +166,7 @@ class EpisodeBatch:
             "posture": rollout.posture[env_ids],
         }
         reward, finished_terms = np.zeros(len(env_ids)), {}
-        finished = np.flatnonzero(rollout.n_decided[env_ids] == n)
+        (finished,) = (rollout.n_decided[env_ids] == n).nonzero()
         if len(finished):
             who = env_ids[finished]
             paths, generated = rollout.pb[who], rollout.angles[who]

@@ -121,7 +121,8 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         rewards, terms, finished, finished_terms = batch.step(_ENV_IDS, pb)
         truncated = int(batch.n_done[0]) >= self.n_actions
         info: dict[str, Any] = {}
-        for name, (value, *_) in (*terms.items(), *finished_terms.items()):
+        for name, values in (*terms.items(), *finished_terms.items()):
+            value = values[0]
             info[name] = value.item() if isinstance(value, np.generic) else value
         if truncated and len(finished):
             info["episode_measures"] = batch.measures(0)
