@@ -15,6 +15,7 @@ from creative_nao.agents.training import memories_of
 from creative_nao.agents.tuning import TuningPlan, tune
 from creative_nao.cli.terminal import Display, print_result
 from creative_nao.errors import SettingsError
+from creative_nao.schema import Count, checked
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,8 +40,7 @@ class RunAgentSettings:
 
 def run_episodes(settings: RunAgentSettings) -> int:
     """Play, print one line an episode and the mean with its interval."""
-    if settings.episodes < 1:
-        raise SettingsError(f"--episodes should be at least 1, but is {settings.episodes}")
+    checked(Count, settings.episodes, "--episodes")
     agent = make_agent(settings.agent)
     trained = agent.policy if isinstance(agent, PolicyAgent) and isinstance(agent.policy, TrainedPolicy) else None
     if settings.replay:
@@ -61,37 +61,28 @@ def run_episodes(settings: RunAgentSettings) -> int:
         f"{agent.name} in {env_id}: mean reward {score.mean:.2f} ({low:.2f} to {high:.2f}, "
         f"95 % over {len(memories)} memories), {len(episodes)} episodes"
     )
-    figures = {"agent": agent.name, **score.as_json()}
-    print_result(figures, [*map(_line, episodes), mean], as_json=settings.json)
+    print_result({"agent": agent.name, **score.as_json()}, [*map(_line, episodes), mean], as_json=settings.json)
     return 0
 
 
 def _replay(trained: TrainedPolicy, settings: RunAgentSettings) -> int:
     recorded = trained.header.score
-    n_episodes = len(recorded.episodes) if recorded is not None else 1
     if recorded is not None and recorded.env != settings.env:
         _of_the_bundle(recorded.env)
+    n_episodes = 1 if recorded is None else len(recorded.episodes)
     with Display({"replaying": n_episodes}) as display:
         score = replay(trained, progress=lambda done: display.show("replaying", done))
-    same = score == recorded
-    assert recorded is not None
-    verdict = "reproduced exactly" if same else f"not reproduced, now {score.mean!r}; recorded with"
-    made_with = "" if same else f" {trained.header.machine}, {trained.header.versions}"
-    line = (
-        f"{settings.agent}: recorded {recorded.mean!r} over {n_episodes} episodes in "
-        f"{recorded.env}: {verdict}{made_with}"
-    )
+    assert recorded is not None  # else `replay` has refused
+    same, made_with = score == recorded, f"{trained.header.machine}, {trained.header.versions}"
+    verdict = "reproduced exactly" if same else f"not reproduced, now {score.mean!r}; recorded with {made_with}"
+    line = f"{settings.agent}: recorded {recorded.mean!r} over {n_episodes} episodes in {recorded.env}: {verdict}"
     figures = {"agent": trained.header.agent, "reproduced": same, **score.as_json()}
     print_result(figures, [line], as_json=settings.json)
     return 0 if same else 1
 
 
 def _of_the_bundle(env_id: str) -> str:
-    """Return the environment that a bundle names; a module is only imported where the user has typed its name.
-
-    Raises:
-        SettingsError: If it is in a module.
-    """
+    """Return the environment that a bundle names; a module is only imported where the user has typed its name."""
     if ":" in env_id:
         raise SettingsError(
             f"the bundle names the environment {env_id}, whose module would be imported and run; if you trust it, "
@@ -141,11 +132,7 @@ class TuneAgentSettings:
 
 
 def run_tune(settings: TuneAgentSettings) -> int:
-    """Search, write the best entry, print it.
-
-    Raises:
-        SettingsError: If the folder holds a study and --resume is not given.
-    """
+    """Search, write the best entry, print it."""
     if settings.out.is_file():
         raise SettingsError(f"--out should name a folder, but {settings.out} is a file")
     plan = TuningPlan(
@@ -164,13 +151,7 @@ def run_tune(settings: TuneAgentSettings) -> int:
             resume=settings.resume,
             progress=lambda done, best: display.show("tuning", done, f"best {best:.2f}"),
         )
-    figures = {
-        "path": str(result.path),
-        "n_trials": result.n_trials,
-        "first_reward": result.first_reward,
-        "best_reward": result.best_reward,
-        "best": result.best,
-    }
+    figures = {**vars(result), "path": str(result.path)}
     lines = [
         f"{result.path}: best of {result.n_trials} trials, validation reward {result.best_reward:.2f} "
         f"(starting values {result.first_reward:.2f})",

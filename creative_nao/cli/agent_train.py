@@ -17,9 +17,10 @@ from creative_nao.agents.play import Score, check_env, evaluate_policy
 from creative_nao.agents.resume import TrainingRecord
 from creative_nao.agents.settings import find_algorithm, read_hyperparameters
 from creative_nao.agents.training import TrainingPlan, memories_of, train_agent
-from creative_nao.cli.terminal import Display, changed_flags, print_result, stopped_by_signals
+from creative_nao.cli.terminal import Display, changed_flags, print_result, refuse_leftovers, stopped_by_signals
 from creative_nao.errors import SettingsError
 from creative_nao.runtime import record as provenance
+from creative_nao.schema import Count, checked
 
 FIRST_SCORE_SEED = 100
 """The recorded score is played with other seeds than those that chose the weights."""
@@ -78,7 +79,15 @@ def run(settings: TrainAgentSettings) -> int:
     """
     plan = _plan(settings)
     checkpoint = settings.out / "checkpoint.safetensors"
-    _check_place(settings, checkpoint)
+    if settings.judged_seeds > FIRST_SCORE_SEED:
+        raise SettingsError(
+            f"--judged-seeds should be at most {FIRST_SCORE_SEED}, but is {settings.judged_seeds}: "
+            "the recorded score is played with the seeds after them"
+        )
+    checked(Count, settings.score_seeds, "--score-seeds")
+    if settings.out.is_file():
+        raise SettingsError(f"--out should name a folder, but {settings.out} is a file")
+    refuse_leftovers([] if settings.resume else [checkpoint])
     n_decisions = plan.hyperparameters.n_timesteps
     with Display({"training": n_decisions}) as display, stopped_by_signals() as stop:
 
@@ -107,9 +116,21 @@ def run(settings: TrainAgentSettings) -> int:
         command=_command(settings, plan),
         machine=machine(),
     )
-    header = dataclasses.replace(header, score=_score(TrainedPolicy(header, policy), settings, plan))
+    score = _score(TrainedPolicy(header, policy), settings, plan)
+    header = dataclasses.replace(header, score=score)
     bundle = save_bundle(settings.out / "agent.safetensors", header, policy)
-    figures = _figures(header, record, bundle)
+    low, high = score.interval
+    figures = {
+        "bundle": str(bundle),
+        "agent": header.agent,
+        "env": score.env,
+        "seed": header.seed,
+        "n_decisions": n_decisions,
+        "deterministic": score.deterministic,
+        "validation_reward": {"mean": score.mean, "low": low, "high": high},
+        "untrained_reward": float(np.mean(record.evaluations[0])),
+        "n_episodes": len(score.episodes),
+    }
     whole = {**provenance(settings=plan.as_json(), command=header.command), **figures}
     storage.write_text(settings.out / "run.json", json.dumps(whole, indent=2) + "\n")
     print_result(figures, _lines(figures), as_json=settings.json)
@@ -140,22 +161,6 @@ def _plan(settings: TrainAgentSettings) -> TrainingPlan:
     )
 
 
-def _check_place(settings: TrainAgentSettings, checkpoint: Path) -> None:
-    if settings.judged_seeds > FIRST_SCORE_SEED:
-        raise SettingsError(
-            f"--judged-seeds should be at most {FIRST_SCORE_SEED}, but is {settings.judged_seeds}: "
-            "the recorded score is played with the seeds after them"
-        )
-    if settings.score_seeds < 1:
-        raise SettingsError(f"--score-seeds should be at least 1, but is {settings.score_seeds}")
-    if settings.out.is_file():
-        raise SettingsError(f"--out should name a folder, but {settings.out} is a file")
-    if not settings.resume and checkpoint.exists():
-        raise SettingsError(
-            f"{checkpoint} is left from an earlier run; go on from it with --resume, or remove it to begin anew"
-        )
-
-
 def _score(trained: TrainedPolicy, settings: TrainAgentSettings, plan: TrainingPlan) -> Score:
     """Play the recorded score; whether actions are drawn or the likeliest taken is decided where training took place.
 
@@ -165,20 +170,14 @@ def _score(trained: TrainedPolicy, settings: TrainAgentSettings, plan: TrainingP
     seeds = tuple(range(FIRST_SCORE_SEED, FIRST_SCORE_SEED + settings.score_seeds))
     n_episodes = len(memories) * len(seeds)
     with Display({"scoring": n_episodes * (2 + (settings.env != plan.env))}) as display:
-        played = [
-            evaluate_policy(
-                trained, plan.env, memories, seeds, deterministic,
-                progress=lambda done, before=k * n_episodes: display.show("scoring", before + done),
+
+        def play(env_id: str, deterministic: bool, n_before: int) -> Score:
+            return evaluate_policy(
+                trained, env_id, memories, seeds, deterministic, lambda done: display.show("scoring", n_before + done)
             )
-            for k, deterministic in enumerate((True, False))
-        ]  # fmt: skip
-        best = max(played, key=lambda score: score.mean)
-        if settings.env == plan.env:
-            return best
-        return evaluate_policy(
-            trained, settings.env, memories, seeds, best.deterministic,
-            progress=lambda done: display.show("scoring", 2 * n_episodes + done),
-        )  # fmt: skip
+
+        best = max(play(plan.env, True, 0), play(plan.env, False, n_episodes), key=lambda score: score.mean)
+        return best if settings.env == plan.env else play(settings.env, best.deterministic, 2 * n_episodes)
 
 
 def _command(settings: TrainAgentSettings, plan: TrainingPlan) -> str:
@@ -195,22 +194,6 @@ def _command(settings: TrainAgentSettings, plan: TrainingPlan) -> str:
         settings, ("memory", "validation_memory", "evaluation_interval", "judged_seeds", "score_seeds")
     )
     return " ".join([*words, f"--out {settings.out.name}"])
-
-
-def _figures(header: BundleHeader, record: TrainingRecord, bundle: Path) -> dict[str, Any]:
-    assert header.score is not None
-    low, high = header.score.interval
-    return {
-        "bundle": str(bundle),
-        "agent": header.agent,
-        "env": header.score.env,
-        "seed": header.seed,
-        "n_decisions": header.n_actions_training,
-        "deterministic": header.score.deterministic,
-        "validation_reward": {"mean": header.score.mean, "low": low, "high": high},
-        "untrained_reward": float(np.mean(record.evaluations[0])),
-        "n_episodes": len(header.score.episodes),
-    }
 
 
 def _lines(figures: dict[str, Any]) -> Iterator[str]:

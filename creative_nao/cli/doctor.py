@@ -37,6 +37,8 @@ def run(settings: DoctorSettings) -> int:
 def examine() -> dict[str, Any]:
     """Return everything there is to know, as plain JSON values."""
     back_ends = {name: rendering.probe(name) for name in rendering.ON}
+    chosen = os.environ.get("MUJOCO_GL", "").lower()
+    in_software = chosen in rendering.OFF or all([back_ends[chosen]] if chosen in back_ends else back_ends.values())
     return {
         "versions": versions(),
         "platform": sys.platform,
@@ -49,20 +51,12 @@ def examine() -> dict[str, Any]:
             for name, reason in back_ends.items()
         },
         "rendering": rendering.working_backend(),
-        "software_renderer": _draws_in_software(back_ends),
+        "software_renderer": in_software,
         "dm_control": _dm_control(),
         "numba_cache": _numba_cache(),
         "torch_threads": _torch_threads(),
         "video": importlib.util.find_spec("imageio_ffmpeg") is not None,
     }
-
-
-def _draws_in_software(back_ends: dict[str, str]) -> bool:
-    """Tell whether a `Renderer` made now would draw in software."""
-    chosen = os.environ.get("MUJOCO_GL", "").lower()
-    if chosen in rendering.OFF:
-        return True
-    return bool(back_ends[chosen]) if chosen in back_ends else all(back_ends.values())
 
 
 def _memory_gib() -> dict[str, float | None]:
@@ -96,10 +90,8 @@ def _numba_cache() -> dict[str, Any]:
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "numba"
     asked = os.environ.get("NUMBA_CACHE_DIR")
     folders = [Path(asked)] if asked else [beside, home]
-    for folder in folders:
-        if _writable(folder):
-            return {"folder": str(folder), "writable": True}
-    return {"folder": str(folders[0]), "writable": False}
+    usable = [folder for folder in folders if _writable(folder)]
+    return {"folder": str((usable or folders)[0]), "writable": bool(usable)}
 
 
 def _writable(folder: Path) -> bool:
@@ -120,21 +112,19 @@ def _torch_threads() -> int | None:
 
 
 def _lines(found: dict[str, Any]) -> list[str]:
-    memory, cache = found["memory_gib"], found["numba_cache"]
-    rows = list(found["versions"].items())
-    rows.append(("cores", found["cores"]))
+    memory, cache, task = found["memory_gib"], found["numba_cache"], found["dm_control"]
+    rows = {**found["versions"], "cores": found["cores"]}
     if memory["total"] is not None:
-        rows.append(("memory", f"{memory['available']:.1f} of {memory['total']:.1f} GiB available"))
-    rows.append(("display", found["display"] or "none"))
-    task = found["dm_control"]
-    rows.append(("dm_control task", "works" if task["works"] else f"no: {task['reason']}"))
+        rows["memory"] = f"{memory['available']:.1f} of {memory['total']:.1f} GiB available"
+    rows["display"] = found["display"] or "none"
+    rows["dm_control task"] = "works" if task["works"] else f"no: {task['reason']}"
     for name, state in found["back_ends"].items():
         advice = f"no: {state['reason']}; apt-get install {state['apt']}"
-        rows.append((f"rendering: {name}", "works" if state["works"] else advice))
+        rows[f"rendering: {name}"] = "works" if state["works"] else advice
     used = "used" if found["software_renderer"] else "works, not used"
-    rows.append(("rendering: software", f"{used} (MUJOCO_GL={found['mujoco_gl'] or 'not set'})"))
-    rows.append(("MP4 films", "yes" if found["video"] else "no: pip install imageio-ffmpeg (GIF needs nothing)"))
+    rows["rendering: software"] = f"{used} (MUJOCO_GL={found['mujoco_gl'] or 'not set'})"
+    rows["MP4 films"] = "yes" if found["video"] else "no: pip install imageio-ffmpeg (GIF needs nothing)"
     advice = "" if cache["writable"] else ", cannot be written: every process compiles anew; set NUMBA_CACHE_DIR"
-    rows.append(("numba cache", f"{cache['folder']}{advice}"))
-    rows.append(("torch threads", found["torch_threads"] if found["torch_threads"] else "torch is missing"))
-    return [f"{name:<20} {value}" for name, value in rows]
+    rows["numba cache"] = f"{cache['folder']}{advice}"
+    rows["torch threads"] = found["torch_threads"] or "torch is missing"
+    return [f"{name:<20} {value}" for name, value in rows.items()]

@@ -11,18 +11,23 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import tyro
 from rich.console import Console
+from rich.table import Table
 
 from creative_nao.cli.terminal import Display
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.evaluation.pages import terminal_table
-from creative_nao.evaluation.run import Evaluation, evaluate
+from creative_nao.evaluation.run import evaluate
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, check_agent, find_suite
 from creative_nao.schema import Count, Seed, checked
+
+INTERRUPTED = 130
+FILES = {"report.html": "report", "results.json": "results", "episodes.csv": "every action", "run.json": "record"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,18 +81,13 @@ def run(settings: EvaluateSettings) -> int:
             f"no suite `{settings.suite}`{nearest_name(settings.suite, SUITE_NAMES)}; there are: "
             f"{', '.join(SUITE_NAMES)}, or a file of your own ending in {SUFFIX}"
         )
-    if settings.resume and settings.out is None:
-        raise SettingsError("--resume continues a run folder: name it with --out")
-    checked(Seed, settings.seed, "--seed")
     executor = executor_for(settings)
-    suite = _chosen(settings)
-    folder = settings.out or new_folder(suite.name)
-    command = _command(settings)
-    # Progress goes to stderr, so that --json leaves stdout to the figures.
-    console = Console(stderr=True)
-    try:
+    check_options(settings)
+    suite, command = _chosen(settings), _command(settings)
+
+    def work(folder: Path) -> tuple[dict[str, Any], list[Table]]:
         with job_display() as show:
-            evaluation = evaluate(
+            done = evaluate(
                 suite,
                 folder,
                 seed=settings.seed,
@@ -96,18 +96,40 @@ def run(settings: EvaluateSettings) -> int:
                 command=command,
                 on_progress=show,
             )
+        return done.results, [terminal_table(done.results)]
+
+    return run_suite(settings, suite.name, command, work, FILES)
+
+
+def check_options(asked: Any) -> None:
+    """Refuse what no suite can be run with, before hours of work; the settings are those of any suite."""
+    if asked.resume and asked.out is None:
+        raise SettingsError("--resume continues a run folder: name it with --out")
+    checked(Seed, asked.seed, "--seed")
+
+
+def run_suite(
+    asked: Any, name: str, command: str, work: Callable[[Path], Any], files: dict[str, str], width: int = 160
+) -> int:
+    """Let `work` fill a run folder and print its figures or tables; return the exit code: 0, or 130 after Ctrl-C."""
+    folder = asked.out or Path("runs") / f"{name}-{datetime.datetime.now():%Y%m%d-%H%M%S}"
+    console = Console(stderr=True)  # so that --json leaves stdout to the figures
+    try:
+        figures, tables = work(folder)
     except KeyboardInterrupt:
-        where = "" if settings.scheduler is None else f" --scheduler {settings.scheduler}"
-        again = f"{command} --out {folder}{where} --resume"
-        console.print(f"stopped; finished jobs are kept, continue with: {again}", soft_wrap=True, highlight=False)
-        return 130
-    _show(evaluation, as_json=settings.json, console=console)
+        scheduler = getattr(asked, "scheduler", None)
+        again = f"{command} --out {folder}{'' if scheduler is None else f' --scheduler {scheduler}'} --resume"
+        console.print(f"stopped; what is done is kept, continue with: {again}", soft_wrap=True, highlight=False)
+        return INTERRUPTED
+    if asked.json:
+        sys.stdout.write(json.dumps(figures, indent=2, allow_nan=False) + "\n")
+    else:
+        console = Console() if sys.stdout.isatty() else Console(width=width)
+        for table in tables:
+            console.print(table)
+    for file, what in files.items():
+        console.print(f"{what:>12}: {folder / file}", soft_wrap=True, highlight=False)
     return 0
-
-
-def new_folder(suite: str) -> Path:
-    """Return the name of the run folder where none is given: suite and time."""
-    return Path("runs") / f"{suite}-{datetime.datetime.now():%Y%m%d-%H%M%S}"
 
 
 def executor_for(options: JobOptions) -> Executor:
@@ -166,19 +188,3 @@ def _command(settings: EvaluateSettings) -> str:
         if (value := getattr(settings, name)) is not None:
             words += [f"--{name}", str(value)]
     return shlex.join(words)
-
-
-def _show(evaluation: Evaluation, *, as_json: bool, console: Console) -> None:
-    if as_json:
-        sys.stdout.write(json.dumps(evaluation.results, indent=2, allow_nan=False) + "\n")
-    else:
-        out = Console() if sys.stdout.isatty() else Console(width=160)
-        out.print(terminal_table(evaluation.results))
-        console = out
-    for name, what in (
-        ("report.html", "report"),
-        ("results.json", "results"),
-        ("episodes.csv", "every action"),
-        ("run.json", "record"),
-    ):
-        console.print(f"{what:>12}: {evaluation.folder / name}", soft_wrap=True, highlight=False)

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import contextlib
-import json
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from creative_nao.cli.evaluate import new_folder
+from creative_nao.cli.evaluate import check_options, run_suite
 from creative_nao.cli.terminal import Display
-from creative_nao.errors import SettingsError
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Report, paper_settings
 from creative_nao.evaluation.paper.claims import CONDITION_TITLES, FURTHER, TABLE_I
 from creative_nao.evaluation.paper.page import mean_cell, number
 from creative_nao.evaluation.paper.run import Reproduction, reproduce
-from creative_nao.schema import Count, Seed, checked
+from creative_nao.schema import Count, checked
 
 SUITE = "paper"
+FILES = {"report.html": "report", "reproduction.md": "page", "results.json": "results"}
 COLOURS = {"holds": "green", "does not hold": "red", "undecided": "dim"}
 
 
@@ -52,33 +50,19 @@ def run(asked: PaperOptions) -> int:
     Raises:
         CreativeNaoError: If the user made a mistake, or no network of a condition could be trained.
     """
+    check_options(asked)
     checked(Count | None, asked.n_workers, "--n-workers")
-    checked(Seed, asked.seed, "--seed")
     settings = paper_settings(quick=asked.quick, retrain=asked.retrain, seed=asked.seed)
-    if asked.resume and asked.out is None:
-        raise SettingsError("--resume continues a run folder: name it with --out")
-    folder = asked.out or new_folder(SUITE)
     flags = [f"--{settings.source}"] if settings.source != "shipped" else []
     command = " ".join([f"creative-nao evaluate {SUITE}", *flags, f"--seed {settings.seed}"])
-    # Progress goes to stderr, so that --json leaves stdout to the figures.
-    console = Console(stderr=True)
-    try:
+
+    def work(folder: Path) -> tuple[dict[str, Any], list[Table]]:
         done = reproduce(
             settings, folder, n_workers=asked.n_workers, resume=asked.resume, command=command, watch=_watch
         )
-    except KeyboardInterrupt:
-        again = f"{command} --out {folder} --resume"
-        console.print(f"stopped; what is done is kept, continue with: {again}", soft_wrap=True, highlight=False)
-        return 130
-    if asked.json:
-        sys.stdout.write(json.dumps({**done.results, "claims": done.claims}, indent=2, allow_nan=False) + "\n")
-    else:
-        console = Console() if sys.stdout.isatty() else Console(width=140)
-        console.print(table_i(done))
-        console.print(verdicts(done))
-    for name, what in (("report.html", "report"), ("reproduction.md", "page"), ("results.json", "results")):
-        console.print(f"{what:>12}: {done.folder / name}", soft_wrap=True, highlight=False)
-    return 0
+        return {**done.results, "claims": done.claims}, [table_i(done), verdicts(done)]
+
+    return run_suite(asked, SUITE, command, work, FILES, width=140)
 
 
 def table_i(done: Reproduction) -> Table:
@@ -91,20 +75,16 @@ def table_i(done: Reproduction) -> Table:
         table.add_column(f"{CONDITION_TITLES[name]}\npaper", justify="right")
         table.add_column("\nhere", justify="right")
     for measure in (*TABLE_I, *FURTHER):
-        cells = [
-            text
-            for name in CONDITION_NAMES
-            for text in (number(measure.paper.get(name), 2), escape(mean_cell(rows[name][measure.field])))
-        ]
-        table.add_row(escape(f"{measure.title} [{measure.unit}]"), *cells)
+        cells = [f"{measure.title} [{measure.unit}]"]
+        for name in CONDITION_NAMES:
+            cells += number(measure.paper.get(name), 2), mean_cell(rows[name][measure.field])
+        table.add_row(*map(escape, cells))
     return table
 
 
 def verdicts(done: Reproduction) -> Table:
     """Return the verdict on each claim for a terminal."""
-    table = Table(title="What the paper says, and whether it holds over seeds")
-    table.add_column("claim")
-    table.add_column("verdict")
+    table = Table("claim", "verdict", title="What the paper says, and whether it holds over seeds")
     for claim in done.claims:
         table.add_row(claim["says"], claim["verdict"], style=COLOURS[claim["verdict"]])
     return table

@@ -75,9 +75,7 @@ def run(settings: VerifySettings | LeaderboardSettings) -> int:
 
 
 def _table(verification: Verification, path: Path) -> Table:
-    table = Table(title=f"Played again from {path}")
-    for title in ("agent", "environment", "memory"):
-        table.add_column(title)
+    table = Table("agent", "environment", "memory", title=f"Played again from {path}")
     for title in ("seed", "published", "found", "holds"):
         table.add_column(title, justify="right")
     for check in verification.checks:

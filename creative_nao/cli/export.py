@@ -1,8 +1,4 @@
-"""`creative-nao export`: a movement for a robot, another simulator, another program, or the eye.
-
-Also here:
-- A movement as a film: performed by the simulated robot, or only imagined, as GIF or MP4.
-"""
+"""`creative-nao export`: a movement for a robot, another simulator, another program, or as a film."""
 
 from __future__ import annotations
 
@@ -23,40 +19,13 @@ from creative_nao.joints import JOINTS
 
 FILM_ENDINGS = {"gif": (".gif",), "mp4": (".mp4",)}
 """Ending of each kind of film."""
-
 _QUALITY = 7
-"""Of 10; about 60 KiB a second at 640 x 480."""
+"""Of an MP4, of 10; about 60 KiB a second at 640 x 480."""
 
 
-def export_film(
-    path: Path,
-    motion: Motion,
-    format: str,
-    *,
-    unsafe: Unsafe = "refuse",
-    imagined: bool = False,
-    camera: str = "close",
-    width: int = 480,
-    height: int = 360,
-) -> Exported:
-    """Check a movement, let the robot perform it in the simulator, draw it and write the film in one step.
-
-    Args:
-        path: The file.
-        motion: The movement, of the eight arm joints in the order of `joints.JOINTS`.
-        format: `gif` or `mp4`.
-        unsafe: As in `exchange.write`.
-        imagined: Let the arms follow exactly, without physics.
-        camera: One of the ring's cameras.
-        width: Width in pixels; even for MP4.
-        height: Height in pixels; even for MP4.
-
-    Raises:
-        UnsafeMotionError: If the movement is unsafe and may not be changed.
-        MissingDependencyError: If MP4 is asked for without imageio-ffmpeg.
-        SettingsError: If joints, size or tick cannot be filmed.
-        NotFoundError: If there is no such camera.
-    """
+def _film(settings: ExportSettings, motion: Motion, format: str) -> Exported:
+    """Check a movement, let the robot perform it in the simulator, draw it and write the film in one step."""
+    path, width, height = settings.out, settings.width, settings.height
     if path.suffix.lower() not in FILM_ENDINGS[format]:
         raise SettingsError(f"a film of the format {format} should end in {FILM_ENDINGS[format][0]}, but is {path}.")
     if format == "mp4":
@@ -65,9 +34,9 @@ def export_film(
             raise SettingsError(f"width and height of an MP4 should be even, but are {width} and {height}.")
     if motion.joints != JOINTS:
         raise SettingsError(f"the simulated robot performs {', '.join(JOINTS)}; this movement has other joints.")
-    safe, changes = made_safe(motion, unsafe)
-    snapshots, frame_dt_s, notes = _snapshots(safe, imagined)
-    images = _drawn(snapshots, camera, width, height)
+    safe, changes = made_safe(motion, settings.unsafe)
+    snapshots, frame_dt_s, notes = _snapshots(safe, settings.imagined)
+    images = _drawn(snapshots, settings)
     if format == "gif":
         from creative_nao.robot import write_gif
 
@@ -100,13 +69,13 @@ def _snapshots(motion: Motion, imagined: bool) -> tuple[np.ndarray, float, list[
     return performance.frames, performance.frame_dt_s, notes
 
 
-def _drawn(snapshots: np.ndarray, camera: str, width: int, height: int) -> list[np.ndarray]:
+def _drawn(snapshots: np.ndarray, settings: ExportSettings) -> list[np.ndarray]:
     from creative_nao.robot import Renderer, Scene
 
-    images = []
-    with Renderer(Scene().model, width, height) as renderer, Display({"frames": len(snapshots)}) as display:
+    images, model = [], Scene().model
+    with Renderer(model, settings.width, settings.height) as renderer, Display({"frames": len(snapshots)}) as display:
         for qpos in snapshots:
-            images.append(renderer.frame(qpos, camera))
+            images.append(renderer.frame(qpos, settings.camera))
             display.show("frames", len(images))
     return images
 
@@ -180,61 +149,15 @@ class ExportSettings:
 
 def run(settings: ExportSettings) -> int:
     """Find the movement, write the file, say what was changed for safety."""
-    format = settings.format or _format_for(settings.out)
+    films = (name for name, endings in FILM_ENDINGS.items() if settings.out.suffix.lower() in endings)
+    format = settings.format or next(films, None) or exchange.format_for(settings.out)
     motion, notes = _motion(settings)
     if format in FILM_ENDINGS:
-        done = export_film(
-            settings.out, motion, format, unsafe=settings.unsafe, imagined=settings.imagined,
-            camera=settings.camera, width=settings.width, height=settings.height,
-        )  # fmt: skip
+        done = _film(settings, motion, format)
     else:
         done = exchange.write(settings.out, motion, format, unsafe=settings.unsafe)
     notes = [*notes, *done.notes]
-    print_result(_figures(done, notes), _lines(done, notes), as_json=settings.json)
-    return 0
-
-
-def _format_for(path: Path) -> str:
-    for name, endings in FILM_ENDINGS.items():
-        if path.suffix.lower() in endings:
-            return name
-    return exchange.format_for(path)
-
-
-def _motion(settings: ExportSettings) -> tuple[Motion, list[str]]:
-    """Return the movement that was asked for, and what was recognised in its file."""
-    given = [name for name in ("pb", "action", "csv", "from_") if getattr(settings, name) is not None]
-    if len(given) != 1:
-        told = " and ".join(f"--{name.rstrip('_')}" for name in given) or "none of them"
-        raise SettingsError(f"export: give one of --pb, --action, --csv and --from, but there is {told}")
-    metadata = {"command": runtime.command_line(), "versions": runtime.versions()}
-    file = settings.csv or settings.from_
-    if file is not None:
-        if settings.n_steps is not None:
-            raise SettingsError("export: --n-steps is for --pb; a recording has its own length")
-        read = exchange.read(file, settings.dt_s, format="csv" if settings.csv else None)
-        metadata = {"source": f"recording {file.name}", "recording": read.motion.metadata} | metadata
-        return Motion(read.motion.angles, read.motion.dt_s, read.motion.joints, metadata), list(read.notes)
-    if settings.dt_s is not None:
-        raise SettingsError("export: --dt-s is for --csv and --from; a memory has its own tick")
-    from creative_nao.model import load_memory
-
-    memory = load_memory(settings.memory)
-    source = {"memory": settings.memory}
-    if settings.action is not None:
-        if settings.n_steps is not None:
-            raise SettingsError("export: --n-steps is for --pb; a basic action has its own length")
-        angles = memory.demonstrations.trajectory(settings.action)
-        source |= {"source": f"basic action {settings.action} of memory {settings.memory}", "action": settings.action}
-    else:
-        assert settings.pb is not None
-        angles = memory.generate(np.array([settings.pb]), settings.n_steps)[0]
-        source |= {"source": f"memory {settings.memory} at PB {list(settings.pb)}", "pb": list(settings.pb)}
-    return Motion(angles, memory.dt_s, memory.joints, source | metadata), []
-
-
-def _figures(done: Exported, notes: list[str]) -> dict[str, object]:
-    return {
+    figures = {
         "out": str(done.path),
         "format": done.format,
         "source": done.motion.metadata.get("source"),
@@ -245,14 +168,43 @@ def _figures(done: Exported, notes: list[str]) -> dict[str, object]:
         "notes": notes,
         "record": None if done.record is None else str(done.record),
     }
-
-
-def _lines(done: Exported, notes: list[str]) -> list[str]:
     lines = [
-        f"{done.path}: {done.format}, {done.motion.metadata.get('source')}, {len(done.motion.angles)} postures, "
+        f"{done.path}: {done.format}, {figures['source']}, {figures['n_steps']} postures, "
         f"{done.motion.duration_s:.2f} s"
     ]
     lines += [f"  {sentence}" for sentence in (*done.changes, *notes)]
     if done.record is not None:
         lines.append(f"  source, command and versions: {done.record}")
-    return lines
+    print_result(figures, lines, as_json=settings.json)
+    return 0
+
+
+def _motion(settings: ExportSettings) -> tuple[Motion, list[str]]:
+    """Return the movement that was asked for, and what was recognised in its file."""
+    given = [name for name in ("pb", "action", "csv", "from_") if getattr(settings, name) is not None]
+    if len(given) != 1:
+        told = " and ".join(f"--{name.rstrip('_')}" for name in given) or "none of them"
+        raise SettingsError(f"export: give one of --pb, --action, --csv and --from, but there is {told}")
+    if settings.n_steps is not None and settings.pb is None:
+        what = "a basic action" if settings.action is not None else "a recording"
+        raise SettingsError(f"export: --n-steps is for --pb; {what} has its own length")
+    metadata = {"command": runtime.command_line(), "versions": runtime.versions()}
+    file = settings.csv or settings.from_
+    if file is not None:
+        read = exchange.read(file, settings.dt_s, format="csv" if settings.csv else None)
+        metadata = {"source": f"recording {file.name}", "recording": read.motion.metadata} | metadata
+        return Motion(read.motion.angles, read.motion.dt_s, read.motion.joints, metadata), list(read.notes)
+    if settings.dt_s is not None:
+        raise SettingsError("export: --dt-s is for --csv and --from; a memory has its own tick")
+    from creative_nao.model import load_memory
+
+    memory = load_memory(settings.memory)
+    source = {"memory": settings.memory}
+    if settings.action is not None:
+        angles = memory.demonstrations.trajectory(settings.action)
+        source |= {"source": f"basic action {settings.action} of memory {settings.memory}", "action": settings.action}
+    else:
+        assert settings.pb is not None
+        angles = memory.generate(np.array([settings.pb]), settings.n_steps)[0]
+        source |= {"source": f"memory {settings.memory} at PB {list(settings.pb)}", "pb": list(settings.pb)}
+    return Motion(angles, memory.dt_s, memory.joints, source | metadata), []

@@ -26,16 +26,8 @@ RECORDED, REGENERATED = action_colour(1), action_colour(0)
 MAX_COLUMNS = 4
 
 
-def draw_recognition(memory: Memory, recorded: np.ndarray, found: Recognition, path: Path, title: str = "") -> None:
-    """Draw recorded and regenerated curves of every joint beside the PB space with the answer in it.
-
-    Args:
-        memory: The memory that recognised the movement.
-        recorded: Joint angles [rad], shape (n_steps, n_joints).
-        found: What it recognised.
-        path: Picture to write in one step, its kind by its ending.
-        title: Above everything.
-    """
+def _draw_recognition(memory: Memory, recorded: np.ndarray, found: Recognition, path: Path, title: str) -> None:
+    """Draw recorded and regenerated curves of every joint beside the PB space with the answer in it."""
     from matplotlib.figure import Figure
 
     n_columns = min(MAX_COLUMNS, len(memory.joints))
@@ -136,7 +128,7 @@ def run(settings: InferSettings) -> int:
         "out": None if settings.out is None else str(settings.out),
     }
     if settings.out is not None:
-        draw_recognition(memory, recorded, found, settings.out, title=_title(figures))
+        _draw_recognition(memory, recorded, found, settings.out, _title(figures))
     lines = [_title(figures)]
     for what in ("recorded", "regenerated"):
         row = figures[what]

@@ -36,7 +36,12 @@ def run(settings: ScoreSettings) -> int:
     basic = load_demonstrations(settings.demonstrations)
     trajectories = [_read(path, basic) for path in settings.files]
     scores = score(trajectories, basic)
-    rows = _rows(settings.files, scores, basic)
+    rows = [
+        {"file": str(path), "outcome": str(outcome), "distance": float(distance), "nearest": basic.names[int(nearest)]}
+        for path, outcome, distance, nearest in zip(
+            settings.files, scores.outcome, scores.novelty, scores.nearest, strict=True
+        )
+    ]
     found = _set(trajectories, scores)
     lines = [
         f"{row['file']}: {row['outcome'].replace('_', '-')}, DTW {row['distance']:.2f} from {row['nearest']}"
@@ -57,13 +62,6 @@ def _read(path: Path, basic: Demonstrations) -> np.ndarray:
     if path.suffix.lower() == ".csv":
         return load_trajectory(path, dt_s=basic.dt_s, joints=basic.joints)
     return exchange.read(path, basic.dt_s, basic.joints).motion.angles
-
-
-def _rows(files: tuple[Path, ...], scores: Scores, basic: Demonstrations) -> list[dict[str, Any]]:
-    return [
-        {"file": str(path), "outcome": str(outcome), "distance": float(distance), "nearest": basic.names[int(nearest)]}
-        for path, outcome, distance, nearest in zip(files, scores.outcome, scores.novelty, scores.nearest, strict=True)
-    ]
 
 
 def _set(trajectories: list[np.ndarray], scores: Scores) -> dict[str, Any] | None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from creative_nao import runtime
 from creative_nao.cli.terminal import changed_flags, print_result
-from creative_nao.demonstrations import Demonstrations, GuidanceVariation, save_demonstrations
+from creative_nao.demonstrations import GuidanceVariation, save_demonstrations
 from creative_nao.errors import SettingsError
 from creative_nao.measures import dtw_matrix
 
@@ -41,17 +41,11 @@ class TeachSettings:
 
 
 def run(settings: TeachSettings) -> int:
-    """Teach, check, write the files, print the figures.
+    """Teach, check, write the files, print the figures; the exit code is 1 when what was taught has shortcomings.
 
-    Returns:
-        Exit code: 0, or 1 when what was taught has shortcomings. The files are written all the same, the shortcomings
-        stand in the record and on the error stream.
-
-    Raises:
-        SettingsError: If a setting is outside its range.
-        CreativeNaoError: Whatever else the user can mend.
+    The files are written all the same; the shortcomings stand in the record and on the error stream.
     """
-    from creative_nao.demonstrations.teaching import as_demonstrations, shortcomings, teach
+    from creative_nao.demonstrations.teaching import MIN_DISTANCE_RAD, as_demonstrations, shortcomings, teach
 
     if settings.seed < 0:
         raise SettingsError(f"`seed` should be 0 or larger, but is {settings.seed}.")
@@ -60,8 +54,20 @@ def run(settings: TeachSettings) -> int:
     variation = GuidanceVariation(settings.timing, settings.reach, settings.drift_rad, settings.tremor_rad)
     lessons = teach(np.random.default_rng(settings.seed), variation=variation)
     demos = as_demonstrations(lessons)
-    figures = _figures(lessons, demos)
-    figures["shortcomings"] = shortcomings(lessons, demos) + _too_close(demos)
+    distances = dtw_matrix(demos.trajectories)
+    apart = distances[np.triu_indices(len(distances), 1)]
+    too_close = [
+        f"{demos.names[i]} and {demos.names[j]} are {distances[i, j]:.1f} apart, expected {MIN_DISTANCE_RAD} or more."
+        for i, j in np.argwhere(np.triu(distances < MIN_DISTANCE_RAD, 1))
+    ]
+    figures = {
+        "actions": {lesson.name: _figures(lesson, demos.dt_s) for lesson in lessons},
+        "max_speed_rad_s": demos.max_speed,
+        "distances": distances.round(3).tolist(),
+        "smallest_distance": float(apart.min()),
+        "mean_distance": float(apart.mean()),
+        "shortcomings": [*shortcomings(lessons, demos), *too_close],
+    }
     record = runtime.record(
         settings={k: v for k, v in dataclasses.asdict(settings).items() if k not in ("out", "json")},
         command=_command(settings),
@@ -81,40 +87,18 @@ def _command(settings: TeachSettings) -> str:
     return " ".join([*words, f"--seed {settings.seed}", *changed_flags(settings, names)])
 
 
-def _figures(lessons: list[Lesson], demos: Demonstrations) -> dict[str, Any]:
-    distances = dtw_matrix(demos.trajectories)
-    actions = {}
-    for lesson in lessons:
-        lag, whole = np.abs(lesson.recorded - lesson.led), np.abs(lesson.recorded - lesson.meant)
-        actions[lesson.name] = {
-            "max_speed_rad_s": float(np.abs(np.diff(lesson.recorded, axis=0)).max() / demos.dt_s),
-            "from_hand_mean_rad": float(lag.mean()),
-            "from_hand_max_rad": float(lag.max()),
-            "from_keyframes_mean_rad": float(whole.mean()),
-            "from_keyframes_max_rad": float(whole.max()),
-            "pull_mean_n": lesson.mean_pull_n,
-            "pull_max_n": lesson.max_pull_n,
-            "self_contact_share": lesson.self_contact_share,
-        }
+def _figures(lesson: Lesson, dt_s: float) -> dict[str, Any]:
+    lag, whole = np.abs(lesson.recorded - lesson.led), np.abs(lesson.recorded - lesson.meant)
     return {
-        "actions": actions,
-        "max_speed_rad_s": demos.max_speed,
-        "distances": distances.round(3).tolist(),
-        "smallest_distance": float(distances[np.triu_indices(len(distances), 1)].min()),
-        "mean_distance": float(distances[np.triu_indices(len(distances), 1)].mean()),
+        "max_speed_rad_s": float(np.abs(np.diff(lesson.recorded, axis=0)).max() / dt_s),
+        "from_hand_mean_rad": float(lag.mean()),
+        "from_hand_max_rad": float(lag.max()),
+        "from_keyframes_mean_rad": float(whole.mean()),
+        "from_keyframes_max_rad": float(whole.max()),
+        "pull_mean_n": lesson.mean_pull_n,
+        "pull_max_n": lesson.max_pull_n,
+        "self_contact_share": lesson.self_contact_share,
     }
-
-
-def _too_close(demos: Demonstrations) -> list[str]:
-    from creative_nao.demonstrations.teaching import MIN_DISTANCE_RAD
-
-    distances = dtw_matrix(demos.trajectories)
-    pairs = zip(*np.triu_indices(len(distances), 1), strict=True)
-    return [
-        f"{demos.names[i]} and {demos.names[j]} are {distances[i, j]:.1f} apart, expected {MIN_DISTANCE_RAD} or more."
-        for i, j in pairs
-        if distances[i, j] < MIN_DISTANCE_RAD
-    ]
 
 
 def _lines(figures: dict[str, Any], out: Path) -> list[str]:

@@ -12,10 +12,13 @@ import signal
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from creative_nao.errors import SettingsError
 
 PLAIN_EVERY_S = 10.0
 """Time between two lines of progress where there is no terminal [s]."""
@@ -120,6 +123,15 @@ def stopped_by_signals() -> Iterator[threading.Event]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def refuse_leftovers(checkpoints: Iterable[Path]) -> None:
+    """Refuse to begin a training anew beside the checkpoint of an earlier one: a `SettingsError` names it."""
+    for path in checkpoints:
+        if path.exists():
+            raise SettingsError(
+                f"{path} is left from an earlier run; go on from it with --resume, or remove it to begin anew"
+            )
 
 
 def changed_flags(settings: Any, names: Iterable[str] | None = None, group: str = "") -> list[str]:

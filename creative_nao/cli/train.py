@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
 from creative_nao import storage
-from creative_nao.cli.terminal import Display, changed_flags, print_result, stopped_by_signals
+from creative_nao.cli.terminal import Display, changed_flags, print_result, refuse_leftovers, stopped_by_signals
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.errors import SettingsError, TrainingError
 from creative_nao.measures import Criteria
@@ -69,7 +69,11 @@ def run(settings: TrainSettings) -> int:
     wanted = _wanted(settings)
     many = len(wanted) > 1
     paths = {one: settings.out / f"{file_stem(one)}.safetensors" if many else settings.out for one in wanted}
-    _check_places(settings, list(paths.values()), many)
+    if many and settings.out.is_file():
+        raise SettingsError(f"--out should name a folder for several networks, but {settings.out} is a file")
+    if not many and settings.out.is_dir():
+        raise SettingsError(f"--out should name a file, but {settings.out} is a folder")
+    refuse_leftovers([] if settings.resume else map(checkpoint_of, paths.values()))
     demonstrations = load_demonstrations(settings.demonstrations)
     with Display({_label(one): one.n_epochs for one in wanted}) as display:
 
@@ -113,18 +117,10 @@ def _label(training: TrainingSettings) -> str:
 
 
 def _wanted(settings: TrainSettings) -> list[TrainingSettings]:
+    names = ("schedule", "anneal_epochs", "n_epochs", "learning_rate", "engine")
+    shared = {name: getattr(settings, name) for name in names}
     wanted = [
-        TrainingSettings(
-            closed_loop_ratio=ratio,
-            schedule=settings.schedule,
-            anneal_epochs=settings.anneal_epochs,
-            n_epochs=settings.n_epochs,
-            learning_rate=settings.learning_rate,
-            seed=seed,
-            engine=settings.engine,
-        )
-        for seed in settings.seed
-        for ratio in settings.closed_loop_ratio
+        TrainingSettings(ratio, seed=seed, **shared) for seed in settings.seed for ratio in settings.closed_loop_ratio
     ]
     if not wanted:
         raise SettingsError("--seed and --closed-loop-ratio should name at least one value each")
@@ -132,21 +128,6 @@ def _wanted(settings: TrainSettings) -> list[TrainingSettings]:
         raise SettingsError("--seed and --closed-loop-ratio should not repeat a value")
     checked(Count | None, settings.n_workers, "--n-workers")
     return wanted
-
-
-def _check_places(settings: TrainSettings, paths: Sequence[Path], many: bool) -> None:
-    if many and settings.out.is_file():
-        raise SettingsError(f"--out should name a folder for several networks, but {settings.out} is a file")
-    if not many and settings.out.is_dir():
-        raise SettingsError(f"--out should name a file, but {settings.out} is a folder")
-    if settings.resume:
-        return
-    for path in paths:
-        if checkpoint_of(path).exists():
-            raise SettingsError(
-                f"{checkpoint_of(path)} is left from an earlier run; go on from it with --resume, "
-                "or remove it to begin anew"
-            )
 
 
 def _command(settings: TrainSettings) -> str:
