@@ -6,7 +6,11 @@ Ranges are those of the NAO H25 documentation, equal in V4, V5 and V6 [rad].
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+
+from creative_nao.errors import ShapeError
 
 JOINTS: tuple[str, ...] = (
     "RShoulderPitch",
@@ -59,3 +63,31 @@ def limits(joints: tuple[str, ...] = JOINTS) -> tuple[np.ndarray, np.ndarray]:
 def read_encoder(angles: np.ndarray) -> np.ndarray:
     """Round joint angles [rad] of any shape to whole counts of the 12-bit encoders, as the robot reports them."""
     return np.round(np.asarray(angles, dtype=np.float64) / ENCODER_STEP_RAD) * ENCODER_STEP_RAD
+
+
+def joint_angles(values: Any, called: str, joints: tuple[str, ...], least: int = 1) -> np.ndarray:
+    """Return an own float64 copy of joint angles, shape (n_steps, n_joints).
+
+    Args:
+        values: The angles.
+        called: What they are, for messages.
+        joints: Name of each column.
+        least: Rows that there should be.
+
+    Raises:
+        ShapeError: If they are no finite numbers of that shape.
+    """
+    try:
+        angles = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ShapeError(f"`{called}` should be an array of numbers, but is {type(values).__name__}.") from None
+    if angles.ndim != 2 or angles.shape[1] != len(joints) or len(angles) < least:
+        raise ShapeError(
+            f"`{called}` should have shape (n_steps >= {least}, {len(joints)}), one column for each of "
+            f"{', '.join(joints)}, but has {angles.shape}."
+        )
+    broken = np.argwhere(~np.isfinite(angles))
+    if len(broken):
+        row, column = broken[0]
+        raise ShapeError(f"`{called}` should hold finite angles, but {joints[column]} at step {row} is not a number.")
+    return angles

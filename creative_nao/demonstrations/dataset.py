@@ -12,7 +12,7 @@ import numpy as np
 
 from creative_nao.demonstrations.keyframes import DT_S
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name
-from creative_nao.joints import JOINTS, LIMITS_RAD
+from creative_nao.joints import JOINTS, LIMITS_RAD, joint_angles
 from creative_nao.schema import AfterValidator, JsonObject, Names, checked
 
 LIMIT_TOLERANCE_RAD = 0.02
@@ -135,34 +135,6 @@ class Demonstrations:
                 f"no basic action `{name}`{nearest_name(str(name), self.names)}; there are {self.names}."
             )
         return self.trajectories[self.names.index(name)]
-
-
-def joint_angles(values: Any, called: str, joints: tuple[str, ...], least: int = 1) -> np.ndarray:
-    """Return an own float64 copy of joint angles, shape (n_steps, n_joints).
-
-    Args:
-        values: The angles.
-        called: What they are, for messages.
-        joints: Name of each column.
-        least: Rows that there should be.
-
-    Raises:
-        ShapeError: If they are no finite numbers of that shape.
-    """
-    try:
-        angles = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ShapeError(f"`{called}` should be an array of numbers, but is {type(values).__name__}.") from None
-    if angles.ndim != 2 or angles.shape[1] != len(joints) or len(angles) < least:
-        raise ShapeError(
-            f"`{called}` should have shape (n_steps >= {least}, {len(joints)}), one column for each of "
-            f"{', '.join(joints)}, but has {angles.shape}."
-        )
-    broken = np.argwhere(~np.isfinite(angles))
-    if len(broken):
-        row, column = broken[0]
-        raise ShapeError(f"`{called}` should hold finite angles, but {joints[column]} at step {row} is not a number.")
-    return angles
 
 
 def outside_range(angles: np.ndarray, joints: tuple[str, ...]) -> tuple[int, int, str] | None:

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from creative_nao import runtime, storage
-from creative_nao.demonstrations.dataset import Demonstrations, Tick, joint_angles, outside_range
+from creative_nao.demonstrations.dataset import Demonstrations, Tick, outside_range
 from creative_nao.demonstrations.keyframes import ACTIONS, DT_S
 from creative_nao.errors import FileFormatError, NotFoundError, nearest_name
-from creative_nao.joints import JOINTS
+from creative_nao.joints import JOINTS, joint_angles
 from creative_nao.schema import JsonObject, Names, PlainName, checked, parse
 from creative_nao.storage import read_text
 

@@ -19,15 +19,7 @@ import numpy as np
 from creative_nao import storage
 from creative_nao.demonstrations.files import resample
 from creative_nao.errors import FileFormatError
-from creative_nao.exchange.keys import (
-    APPROACH_SPEED_RAD_S,
-    Keys,
-    Motion,
-    joint_names,
-    listed,
-    number,
-    text_of,
-)
+from creative_nao.exchange.keys import APPROACH_SPEED_RAD_S, JointNames, Keys, Motion, text_of
 from creative_nao.schema import JsonObject, parse
 
 FORMAT_NAME = "creative-nao key lists"
@@ -92,8 +84,8 @@ def keys_of(path: Path, names: object, times: object, angles: object) -> Keys:
     Raises:
         FileFormatError: If they are not lists of numbers of matching lengths.
     """
-    joints = joint_names(names, f"{path}: `names`")
-    when, where = listed(times, f"{path}: `times`"), listed(angles, f"{path}: `angles`")
+    joints = parse(JointNames, names, f"{path}: `names`")
+    when, where = parse(list[Any], times, f"{path}: `times`"), parse(list[Any], angles, f"{path}: `angles`")
     if when and not isinstance(when[0], list | tuple):
         when = [when] * len(joints)
     if len(when) != len(joints) or len(where) != len(joints):
@@ -105,12 +97,11 @@ def keys_of(path: Path, names: object, times: object, angles: object) -> Keys:
     all_times, all_angles = [], []
     for joint, row_times, row_angles in zip(joints, when, where, strict=True):
         of = f"of {joint[:40]}"
-        row = listed(row_angles, f"{path}: `angles` {of}")
+        row = parse(list[Any], row_angles, f"{path}: `angles` {of}")
         bent = bent or any(isinstance(key, list | tuple) for key in row)
         points = [key[0] if isinstance(key, list | tuple) and len(key) == 3 else key for key in row]
-        all_angles.append(np.array([number(point, f"{path}: an angle {of}") for point in points], dtype=np.float64))
-        row = listed(row_times, f"{path}: `times` {of}")
-        all_times.append(np.array([number(time, f"{path}: a time {of}") for time in row], dtype=np.float64))
+        all_angles.append(np.array(parse(list[float], points, f"{path}: `angles` {of}"), dtype=np.float64))
+        all_times.append(np.array(parse(list[float], row_times, f"{path}: `times` {of}"), dtype=np.float64))
     notes = ["Bezier handles were left out; between keys a monotone cubic is taken"] if bent else []
     return Keys(joints, all_times, all_angles, notes=notes)
 
@@ -179,7 +170,7 @@ def _gathered(path: Path, tree: ast.Module) -> dict[str, list[Any]]:
                     literal = []
                 case value:
                     literal = _literal(path, value, name)
-            found[name] = listed(literal, f"{path}: line {node.lineno}: `{name}`")
+            found[name] = parse(list[Any], literal, f"{path}: line {node.lineno}: `{name}`")
     return found
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from creative_nao.demonstrations.dataset import (
     LIMIT_TOLERANCE_RAD,
     Tick,
     draw_curves,
-    joint_angles,
 )
 from creative_nao.demonstrations.files import (
     LARGEST_TIME_S,
@@ -29,9 +28,9 @@ from creative_nao.demonstrations.files import (
     resample,
 )
 from creative_nao.demonstrations.keyframes import DT_S
-from creative_nao.errors import FileFormatError, SettingsError, nearest_name, shown
-from creative_nao.joints import JOINTS, LIMITS_RAD
-from creative_nao.schema import JsonObject, Names, checked
+from creative_nao.errors import FileFormatError, SettingsError, nearest_name
+from creative_nao.joints import JOINTS, LIMITS_RAD, joint_angles
+from creative_nao.schema import Field, JsonObject, Names, checked
 
 CYCLE_S = 0.010
 """Cycle of the robot's device controller [s]; ticks made here are whole numbers of it."""
@@ -47,6 +46,9 @@ MAX_POSTURES = 20_000
 
 LARGEST_ANGLE = 1e6
 """Largest angle that is read, in radians or degrees."""
+
+JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
+"""Joints of a file, which may name one twice or call it something that is no name; those are not wanted."""
 
 _ROUNDING = 1e-9
 _EVEN_S = 1e-6
@@ -151,32 +153,6 @@ class Recording:
 def text_of(path: Path, content: bytes) -> str:
     """Return the content of a movement's file as UTF-8 text."""
     return storage.as_text(content, str(path), "movement")
-
-
-def number(value: object, where: str) -> float:
-    """Return a value of a file as a finite number; `where` begins the message.
-
-    Raises:
-        FileFormatError: If it is text, a truth value, not finite, or anything else.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | float) or not -1e300 < value < 1e300:
-        raise FileFormatError(f"{where} is {shown(value)}, expected a number.")
-    return float(value)
-
-
-def listed(value: object, where: str) -> list[Any]:
-    """Return a value of a file that should be a list (or a tuple), as a list; `where` begins the message."""
-    if not isinstance(value, list | tuple):
-        raise FileFormatError(f"{where} should be a list, but is {shown(value)}.")
-    return list(value)
-
-
-def joint_names(value: object, where: str) -> tuple[str, ...]:
-    """Return a list of joint names of a file; `where` begins the message."""
-    found = listed(value, where)
-    if not found or not all(isinstance(name, str) for name in found):
-        raise FileFormatError(f"{where} should be a list of joint names, but is {shown(value)}.")
-    return tuple(found)
 
 
 def to_motion(

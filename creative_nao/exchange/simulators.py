@@ -16,7 +16,7 @@ import numpy as np
 from creative_nao import storage
 from creative_nao.demonstrations import files
 from creative_nao.errors import FileFormatError, SettingsError
-from creative_nao.exchange.keys import Keys, Motion, joint_names, listed, number, text_of
+from creative_nao.exchange.keys import JointNames, Keys, Motion, text_of
 from creative_nao.schema import JsonObject, parse
 
 MARK = "#WEBOTS_MOTION"
@@ -143,27 +143,26 @@ def read_ros(path: Path, content: bytes) -> Keys:
             found = found[outer]
     if not isinstance(found, dict) or "joint_names" not in found or "points" not in found:
         raise FileFormatError(f"{path}: should hold `joint_names` and `points` of a JointTrajectory.")
-    joints = joint_names(found["joint_names"], f"{path}: `joint_names`")
+    joints = parse(JointNames, found["joint_names"], f"{path}: `joint_names`")
     times, rows = [], []
-    for place, point in enumerate(listed(found["points"], f"{path}: `points`")):
+    for place, point in enumerate(parse(list[Any], found["points"], f"{path}: `points`")):
+        of = f"of point {place}"
         if not isinstance(point, dict):
             raise FileFormatError(f"{path}: point {place} should be a mapping, but is {type(point).__name__}.")
-        row = listed(point.get("positions"), f"{path}: `positions` of point {place}")
+        row = parse(list[float], point.get("positions"), f"{path}: `positions` {of}")
         if len(row) != len(joints):
             raise FileFormatError(
                 f"{path}: point {place} has {len(row)} positions, expected {len(joints)}, one for each joint."
             )
-        rows.append([number(angle, f"{path}: a position of point {place}") for angle in row])
-        times.append(_seconds(point.get("time_from_start"), path, place))
+        rows.append(row)
+        duration = point.get("time_from_start")
+        if not isinstance(duration, dict):
+            times.append(parse(float, duration, f"{path}: `time_from_start` {of}"))
+            continue
+        seconds = parse(float, duration.get("sec", duration.get("secs", 0)), f"{path}: `sec` {of}")
+        nanoseconds = duration.get("nanosec", duration.get("nsecs", 0))
+        times.append(seconds + parse(float, nanoseconds, f"{path}: `nanosec` {of}") / _NANO)
     angles = np.array(rows, dtype=np.float64).reshape(len(rows), len(joints))
     first = text.split("\n", 1)[0]
     metadata = parse(JsonObject, first[len(_METADATA) :], str(path)) if first.startswith(_METADATA) else {}
     return Keys(joints, [np.array(times)] * len(joints), list(angles.T.copy()), metadata=metadata)
-
-
-def _seconds(duration: object, path: Path, place: int) -> float:
-    if not isinstance(duration, dict):
-        return number(duration, f"{path}: `time_from_start` of point {place}")
-    seconds = number(duration.get("sec", duration.get("secs", 0)), f"{path}: `sec` of point {place}")
-    nanoseconds = duration.get("nanosec", duration.get("nsecs", 0))
-    return seconds + number(nanoseconds, f"{path}: `nanosec` of point {place}") / _NANO

@@ -11,8 +11,8 @@ import numpy as np
 
 from creative_nao import storage
 from creative_nao.errors import ShapeError
+from creative_nao.joints import JOINTS, joint_angles
 from creative_nao.robot import interpolation
-from creative_nao.robot.playback import as_trajectory
 from creative_nao.robot.rendering import Renderer
 from creative_nao.robot.scene import Scene
 from creative_nao.schema import Count, Field, Positive, checked
@@ -33,7 +33,7 @@ def imagined_frames(scene: Scene, trajectory: np.ndarray, dt_s: float, *, frame_
     Returns:
         Shape (n_frames, nq).
     """
-    trajectory = as_trajectory(trajectory)
+    trajectory = joint_angles(trajectory, "trajectory", JOINTS)
     dt_s, frame_dt_s = checked(Positive, dt_s, "dt_s"), checked(Positive, frame_dt_s, "frame_dt_s")
     arms = interpolation.refine(trajectory, dt_s, max(1, round(dt_s / frame_dt_s)))
     frames = np.repeat(scene.guard_qpos()[None], len(arms), axis=0)

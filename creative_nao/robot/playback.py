@@ -16,8 +16,8 @@ import mujoco
 import mujoco.rollout
 import numpy as np
 
-from creative_nao.errors import SettingsError, ShapeError, shown
-from creative_nao.joints import JOINTS, MAX_SPEED_RAD_S, N_JOINTS, limits, read_encoder
+from creative_nao.errors import SettingsError, ShapeError
+from creative_nao.joints import JOINTS, MAX_SPEED_RAD_S, N_JOINTS, joint_angles, limits, read_encoder
 from creative_nao.robot import interpolation
 from creative_nao.robot.performance import Hits, Performance, has_fallen, tilt_rad
 from creative_nao.robot.scene import PERFORMANCE_SENSORS, Index, Scene
@@ -196,7 +196,7 @@ class Performer:
             ShapeError: If the trajectory is not (n_steps >= 1, 8) finite angles.
             SettingsError: If `dt_s` is not a whole number of cycles.
         """
-        trajectory = as_trajectory(trajectory)
+        trajectory = joint_angles(trajectory, "trajectory", JOINTS)
         cycles_per_tick = _cycles(dt_s)
         targets, approach = self._targets(trajectory, dt_s, cycles_per_tick)
         late = min(self._latency_cycles, len(targets))  # cycles until a target has reached the servos
@@ -284,25 +284,6 @@ def _sensor_columns(model: Any) -> dict[str, np.ndarray]:
         return np.concatenate([np.arange(0)] + [np.arange(start, start + size) for start, size in starts])
 
     return {purpose: columns(*names) for purpose, names in PERFORMANCE_SENSORS.items()}
-
-
-def as_trajectory(values: Any) -> np.ndarray:
-    """Return joint angles as an array (n_steps, 8) of float64 [rad], columns in the order of `joints.JOINTS`.
-
-    Raises:
-        ShapeError: If they are no numbers, have another shape, or are not finite.
-    """
-    expected = f"`trajectory` should have shape (n_steps, {N_JOINTS}), one column per joint of joints.JOINTS"
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ShapeError(f"{expected}, but is {shown(values)}.") from None
-    if array.ndim != 2 or array.shape[1] != N_JOINTS or len(array) < 1:
-        raise ShapeError(f"{expected}, but has {array.shape}.")
-    if not np.isfinite(array).all():
-        row, column = np.argwhere(~np.isfinite(array))[0]
-        raise ShapeError(f"`trajectory` should hold finite angles, but row {row} of {JOINTS[column]} does not.")
-    return array
 
 
 def _cycles(dt_s: float) -> int:

@@ -5,7 +5,6 @@ A posture is a mapping from joint name to angle [rad]; joints it leaves out stan
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,10 +15,6 @@ import numpy as np
 from creative_nao.errors import NotFoundError, nearest_name
 from creative_nao.joints import GUARD_ARM_RAD, JOINTS, MIRROR_SIGN
 from creative_nao.schema import checked
-
-THIGH_M = 0.1000
-TIBIA_M = 0.1029
-"""Hip to knee and knee to ankle, as in `nao.xml`."""
 
 
 def keeps_sign(joint: str) -> bool:
@@ -34,46 +29,11 @@ def _mirrored(both_sides: dict[str, float], **others: float) -> dict[str, float]
     return {**left, **right, **others}
 
 
-def leg_angles(side: str, *, forward_m: float, height_m: float, spread_rad: float) -> dict[str, float]:
-    """Return the leg angles that put a flat sole `forward_m` ahead of the hip and `height_m` (ankle to hip) below it.
-
-    Two-link inverse kinematics in the leg's own plane, which leans outward by `spread_rad`; the torso stays upright.
-    The knee bends forward.
-
-    Args:
-        side: "L" or "R".
-        forward_m: Ankle ahead of the hip [m].
-        height_m: Height of the hip above the ankle [m]; the leg can span at most 0.2029 m.
-        spread_rad: Outward lean of the leg [rad].
-    """
-    down = height_m / math.cos(spread_rad)
-    reach = math.hypot(forward_m, down)
-    knee_inside = math.acos((THIGH_M**2 + TIBIA_M**2 - reach**2) / (2 * THIGH_M * TIBIA_M))
-    thigh_to_reach = math.acos((THIGH_M**2 + reach**2 - TIBIA_M**2) / (2 * THIGH_M * reach))
-    knee = math.pi - knee_inside
-    hip_pitch = -math.atan2(forward_m, down) - thigh_to_reach
-    outward = spread_rad if side == "L" else -spread_rad
-    return {
-        f"{side}HipRoll": outward,
-        f"{side}HipPitch": hip_pitch,
-        f"{side}KneePitch": knee,
-        f"{side}AnklePitch": -hip_pitch - knee,
-        f"{side}AnkleRoll": -outward,
-    }
-
-
-def _guard() -> dict[str, float]:
-    """Boxing stance: the left foot ahead, knees bent so that the legs can give, both fists before the chest."""
-    right = np.array(GUARD_ARM_RAD)
-    arms = dict(zip(JOINTS, np.concatenate([right, right * MIRROR_SIGN]).tolist(), strict=True))
-    ahead = {"L": 0.025, "R": -0.025}
-    legs = [leg_angles(side, forward_m=ahead[side], height_m=0.192, spread_rad=0.12) for side in ahead]
-    return {"HeadPitch": 0.05, **arms, **legs[0], **legs[1]}
-
-
 _TABLE = tomllib.loads(Path(__file__).with_name("postures.toml").read_text(encoding="utf-8"))
+_GUARD_ARMS = np.concatenate([GUARD_ARM_RAD, np.array(GUARD_ARM_RAD) * MIRROR_SIGN]).tolist()
+_TABLE["Guard"] |= dict(zip(JOINTS, _GUARD_ARMS, strict=True))
 POSTURES: Mapping[str, Mapping[str, float]] = MappingProxyType(
-    {name: _mirrored(**angles) for name, angles in _TABLE.items()} | {"Guard": _guard()}
+    {name: _mirrored(**angles) for name, angles in _TABLE.items()}
 )
 """The manufacturer's StandZero, Stand, StandInit and Crouch, and the project's own boxing Guard."""
 

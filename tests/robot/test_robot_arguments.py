@@ -20,10 +20,10 @@ from creative_nao.robot import (
 
 RESTING = np.zeros((3, 8))
 CASES = [
-    (lambda p, s: p.perform([["a", 1]], 0.15), ShapeError, "`trajectory` should have shape (n_steps, 8)"),
-    (lambda p, s: p.perform(None, 0.15), ShapeError, "`trajectory` should have shape (n_steps, 8)"),
+    (lambda p, s: p.perform([["a", 1]], 0.15), ShapeError, "`trajectory` should be an array of numbers, but is list"),
+    (lambda p, s: p.perform(None, 0.15), ShapeError, "`trajectory` should have shape (n_steps >= 1, 8)"),
     (lambda p, s: p.perform(RESTING, "fast"), SettingsError, "`dt_s` should be a number, but is 'fast'"),
-    (lambda p, s: imagined_frames(s, "punch", 0.15), ShapeError, "but is 'punch'"),
+    (lambda p, s: imagined_frames(s, "punch", 0.15), ShapeError, "should be an array of numbers, but is str"),
     (lambda p, s: imagined_frames(s, RESTING, 0), SettingsError, "`dt_s` should be above 0, but is 0"),
     (lambda p, s: moments(RESTING, 1.5), SettingsError, "`n_moments` should be a whole number, but is 1.5"),
     (lambda p, s: write_gif([RESTING], "a.gif", frame_dt_s="x"), ShapeError, "`images` should be pictures"),

@@ -8,7 +8,8 @@ from creative_nao.errors import NotFoundError
 from creative_nao.joints import JOINTS, limits
 from creative_nao.robot import POSTURES, arm_angles, posture
 from creative_nao.robot.performance import has_fallen, tilt_rad
-from creative_nao.robot.postures import THIGH_M, TIBIA_M, leg_angles
+
+THIGH_M, TIBIA_M = 0.1000, 0.1029  # hip to knee and knee to ankle, as in `nao.xml`
 
 
 @pytest.mark.parametrize("name", POSTURES)
@@ -53,14 +54,17 @@ def test_the_stance_has_flat_soles_and_one_foot_ahead(scene, data):
     assert left.xpos[0] - right.xpos[0] == pytest.approx(0.050, abs=1e-9)
 
 
-def test_leg_angles_reach_the_wanted_foot():
-    angles = leg_angles("L", forward_m=0.03, height_m=0.18, spread_rad=0.0)
-    hip, knee = angles["LHipPitch"], angles["LKneePitch"]
+@pytest.mark.parametrize(("side", "ahead_m", "outward_rad"), [("L", 0.025, 0.12), ("R", -0.025, -0.12)])
+def test_the_legs_of_the_guard_put_a_flat_sole_where_the_stance_has_it(side, ahead_m, outward_rad):
+    """Forward kinematics of two links in the leg's own plane, which leans outward; the torso stays upright."""
+    guard = posture("Guard")
+    hip, knee = guard[f"{side}HipPitch"], guard[f"{side}KneePitch"]
     forward = -THIGH_M * np.sin(hip) - TIBIA_M * np.sin(hip + knee)
     down = THIGH_M * np.cos(hip) + TIBIA_M * np.cos(hip + knee)
-    assert (forward, down) == pytest.approx((0.03, 0.18), abs=1e-12)
+    assert (forward, down * np.cos(outward_rad)) == pytest.approx((ahead_m, 0.192), abs=1e-12)
     assert knee > 0
-    assert hip + knee + angles["LAnklePitch"] == pytest.approx(0, abs=1e-12)
+    assert hip + knee + guard[f"{side}AnklePitch"] == pytest.approx(0, abs=1e-12)
+    assert (guard[f"{side}HipRoll"], guard[f"{side}AnkleRoll"]) == (outward_rad, -outward_rad)
 
 
 def test_the_arms_of_the_guard_mirror_each_other():
