@@ -35,8 +35,7 @@ UNUSABLE: dict[str, tuple[str, str]] = {
     "tracking_error": ("#9A9A9A", "----"),
 }
 """Colour and hatching of what cannot be used: the two kinds of the paper, then what only a body adds."""
-PAPER_WHITE = "#F5F5F5"
-"""What a colour fades to as the similarity to the basic action falls."""
+PAPER_WHITE = "#F5F5F5"  # what a colour fades to as the similarity to the basic action falls
 INK = "#22262B"
 FAINT = "#8A9199"
 OUTCOME_COLOURS = {

@@ -27,12 +27,9 @@ from creative_nao.storage import write_bytes
 
 KIND = "PB map"
 MAX_RESOLUTION = 4000
-MAX_DISTANCE = 1e30
-"""Largest distance of a file; float32 ends at 3e38."""
-ARRAYS = ("outcome", "nearest", "distance", "learned_pb")
-"""Of a map file."""
-CODES = tuple(sorted(OUTCOMES))
-"""Outcomes in the order of their codes in a file."""
+MAX_DISTANCE = 1e30  # largest distance of a file; float32 ends at 3e38
+ARRAYS = ("outcome", "nearest", "distance", "learned_pb")  # of a map file
+CODES = tuple(sorted(OUTCOMES))  # outcomes in the order of their codes in a file
 
 Resolution = Annotated[int, Field(ge=2, le=MAX_RESOLUTION)]
 
@@ -43,8 +40,7 @@ def _has_settings(made_by: dict[str, Any]) -> dict[str, Any]:
     return made_by
 
 
-Provenance = Annotated[JsonObject, AfterValidator(_has_settings)]
-"""What a file says of its making."""
+Provenance = Annotated[JsonObject, AfterValidator(_has_settings)]  # what a file says of its making
 
 
 @record

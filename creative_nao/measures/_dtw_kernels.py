@@ -26,22 +26,11 @@ from numba.extending import intrinsic
 # numba hands an intrinsic its first argument by itself.
 # pyright: reportCallIssue=false
 
-
-LANE_BYTES = 512
-"""Size of one number of every trajectory in a batch: 128 trajectories in float32, 64 in float64."""
-
-STEP = 16
-"""Lanes go in steps of one 512-bit register of float32."""
-
-PAIRS = 32
-"""Pairs side by side: both members and two rows of the dynamic programme stay in a fast cache."""
-
-BLOCK = 8
-"""Joints handled by one expression; the caller pads with zeros, which change no distance."""
-
-BORDER = 1e30
-"""Where no path may come from. Infinity is never used."""
-
+LANE_BYTES = 512  # size of one number of every trajectory in a batch: 128 trajectories in float32, 64 in float64
+STEP = 16  # lanes go in steps of one 512-bit register of float32
+PAIRS = 32  # pairs side by side: both members and two rows of the dynamic programme stay in a fast cache
+BLOCK = 8  # joints handled by one expression; the caller pads with zeros, which change no distance
+BORDER = 1e30  # where no path may come from. Infinity is never used
 FUSES = bool(llvm.get_host_cpu_features().get("fma", not llvm.get_default_triple().startswith(("x86", "i"))))
 """Whether this machine has the instruction; where it has not, a product and a sum are rounded one by one."""
 

@@ -27,8 +27,7 @@ from creative_nao.schema import NonNegative, Positive, checked
 WINDOW_S = 1.5
 """About one punch and its way back."""
 
-SWITCH_COST = 1.0
-"""What another basic action has to be nearer by, summed over its ticks, to be named for a while [rad]."""
+SWITCH_COST = 1.0  # what another basic action has to be nearer by, summed over its ticks, to be named for a while [rad]
 
 
 class Stretch(NamedTuple):

@@ -15,8 +15,7 @@ from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures.dtw import as_numbers, refuse_where
 from creative_nao.schema import Count, checked
 
-NEAREST_K = 5
-"""Neighbours that make the ball around a reference item, as in the paper's examples."""
+NEAREST_K = 5  # neighbours that make the ball around a reference item, as in the paper's examples
 
 
 @dataclass(frozen=True)

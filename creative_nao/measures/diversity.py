@@ -22,8 +22,7 @@ from creative_nao.measures.outcome import (
 )  # fmt: skip
 from creative_nao.schema import Count, Positive, checked
 
-N_SAMPLES = N_DRAWS = 30
-"""Actions in a sample, and samples drawn, as in the paper."""
+N_SAMPLES = N_DRAWS = 30  # actions in a sample, and samples drawn, as in the paper
 LENGTH_SCALE_RAD = 10.0
 """Distance at which two actions are alike to 1/e: the threshold up to which an action counts as learned [rad]."""
 

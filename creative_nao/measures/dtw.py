@@ -21,11 +21,9 @@ from numpy.typing import ArrayLike, DTypeLike
 
 from creative_nao.errors import SettingsError, ShapeError, shown
 
-SERIAL_CELLS = 50_000_000
-"""Below this many pairs of postures, starting threads costs more than it saves."""
+SERIAL_CELLS = 50_000_000  # below this many pairs of postures, starting threads costs more than it saves
 
-MAX_VALUE = 1e9
-"""Largest magnitude of a value; beyond it squares and sums could leave the range of float32."""
+MAX_VALUE = 1e9  # largest magnitude of a value; beyond it squares and sums could leave the range of float32
 
 Trajectories = Sequence[ArrayLike] | np.ndarray
 """A list of (n_steps, n_joints) arrays, whose lengths may differ, or one (n, n_steps, n_joints) array."""

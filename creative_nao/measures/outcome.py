@@ -30,8 +30,7 @@ OUTCOME_CODE = {name: code for code, name in enumerate(ALL_OUTCOMES)}
 NO_FAULT = -1
 """Code where the body refused nothing."""
 
-BLOCK = 4096
-"""Trajectories looked at together, so that a map of 40,000 needs little memory beside its own."""
+BLOCK = 4096  # trajectories looked at together, so that a map of 40,000 needs little memory beside its own
 
 
 class BasicActions(Protocol):

@@ -304,18 +304,14 @@ class CompiledNetwork:
             weight=_copied(units.sum(axis=2)),
             entropy=_copied(entropy),
             rate=_copied(self._packing.rate),
-            real=self._packing.real(),
-            z=aligned(rows),
-            da=aligned(rows),
+            real=self._packing.real,
             o=aligned(n_steps * n_actions * lay.n_codes),
-            a=aligned(few),
-            u=aligned(few),
-            start=aligned(few),
-            d_start=aligned(few),
             pb=aligned(n_actions * lay.n_pb),
             zeros=aligned(lay.width),
             w_back=aligned(lay.bias),
             gradient=aligned(lay.size),
+            **{name: aligned(rows) for name in ("z", "da")},
+            **{name: aligned(few) for name in ("a", "u", "start", "d_start")},
         )
 
     def loss_and_gradient(self, vector: np.ndarray, ratio: float) -> tuple[float, np.ndarray]:

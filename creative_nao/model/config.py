@@ -13,8 +13,7 @@ from creative_nao.errors import SettingsError, shown
 from creative_nao.schema import Count, Field, Positive, Seed, UnitInterval, record
 
 MAX_LAYERS = 64
-MAX_NEURONS = 20_000
-"""Of all layers together: their weights then take 1.6 GB."""
+MAX_NEURONS = 20_000  # of all layers together: their weights then take 1.6 GB
 MAX_TIME_CONSTANT = 1e6
 
 TimeConstant = Annotated[float, Field(ge=1, le=MAX_TIME_CONSTANT)]
@@ -78,11 +77,7 @@ class TrainingSettings:
 
 
 def check_kind(kind: type, value: Any, name: str) -> None:
-    """Refuse an argument of a public function that is no instance of `kind`.
-
-    Raises:
-        SettingsError: Naming the argument.
-    """
+    """Refuse an argument of a public function that is no instance of `kind`, with a SettingsError that names it."""
     if not isinstance(value, kind):
         raise SettingsError(f"`{name}` should be of the class `{kind.__name__}`, but is {shown(value)}")
 
@@ -158,8 +153,7 @@ def initial_vector(settings: NetworkSettings, n_codes: int, n_actions: int, seed
     return vector
 
 
-_STREAM = 1
-"""Keeps the draws of the ratio apart from those of the initial weights, which use the same seed."""
+_STREAM = 1  # keeps the draws of the ratio apart from those of the initial weights, which use the same seed
 
 
 def closed_loop_ratios(training: TrainingSettings, start: int, stop: int) -> np.ndarray:

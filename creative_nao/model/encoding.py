@@ -10,10 +10,8 @@ from creative_nao.demonstrations import Demonstrations
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.model.config import NetworkSettings
 
-MIN_SPAN_RAD = 1e-9
-"""A joint that moves less does not move: its reference angles could not be told apart."""
-TARGET_FLOOR = 1e-12
-"""Smallest target probability, so that its logarithm is finite."""
+MIN_SPAN_RAD = 1e-9  # a joint that moves less does not move: its reference angles could not be told apart
+TARGET_FLOOR = 1e-12  # smallest target probability, so that its logarithm is finite
 
 
 class SoftmaxEncoding:

@@ -22,14 +22,10 @@ from creative_nao.model.config import NetworkSettings, layer_time_constants
 from creative_nao.model.encoding import SoftmaxEncoding
 from creative_nao.runtime import usable_cores
 
-BATCH = 64
-"""Most points in a compiled batch: all activations still lie in a fast cache."""
-DIFFERENTIATED_BATCH = 32
-"""The same where derivatives are computed too."""
-FEW_POINTS = 2
-"""Up to this many points, one at a time is faster than a batch."""
-SERIAL_BATCHES = 8
-"""Up to this many batches, starting threads costs more than it saves."""
+BATCH = 64  # most points in a compiled batch: all activations still lie in a fast cache
+DIFFERENTIATED_BATCH = 32  # the same where derivatives are computed too
+FEW_POINTS = 2  # up to this many points, one at a time is faster than a batch
+SERIAL_BATCHES = 8  # up to this many batches, starting threads costs more than it saves
 
 
 class Weights(NamedTuple):
@@ -126,9 +122,12 @@ class ClosedLoopGenerator:
         """
         if len(pb) <= FEW_POINTS and slow_states is None:
             return self._advance(self.begin(len(pb)), pb, n_steps)
+        rows = (pb if pb.ndim == 3 else pb[:, None]).transpose(1, 2, 0)
 
         def generate(part: slice) -> np.ndarray:
-            return self._batch(pb[part], n_steps, None if slow_states is None else slow_states[part])
+            states = None if slow_states is None else slow_states[part].T
+            angles = self._run_batch(None, rows[:, :, part], states, n_steps)
+            return angles[:, :, : part.stop - part.start].transpose(2, 0, 1)
 
         parts = [slice(start, min(start + BATCH, len(pb))) for start in range(0, len(pb), BATCH)]
         out = np.empty((len(pb), n_steps, self._encoding.n_joints))
@@ -142,22 +141,22 @@ class ClosedLoopGenerator:
         out[:, 0] = self.initial_posture
         return out
 
-    def _batch(self, pb: np.ndarray, n_steps: int, slow_states: np.ndarray | None) -> np.ndarray:
-        n = len(pb)
-        width = _columns(n)
-        rows = pb if pb.ndim == 3 else pb[:, None]
-        points = np.zeros((rows.shape[1], self.n_pb, width), np.float32)
-        points[:, :, :n] = rows.transpose(1, 2, 0)
+    def _run_batch(
+        self, n_points: int | None, pb: np.ndarray, slow_states: np.ndarray | None, n_steps: int
+    ) -> np.ndarray:
+        """Run a batch whose columns, `n_points` and then derivatives or all points, are filled up to whole panels."""
+        from creative_nao.model.compiled_generation import generate_batch
+        from creative_nao.model.matmul import PANEL, line_up
+
+        n_columns = pb.shape[2]
+        width = line_up(n_columns, PANEL)
+        points = np.zeros((*pb.shape[:2], width), np.float32)
+        points[:, :, :n_columns] = pb
         states = np.zeros((self.n_hidden, width), np.float32)
         if slow_states is not None:
-            states[-self.n_slow :, :n] = slow_states.T
-        return self._run_batch(width, points, states, n_steps)[:, :, :n].transpose(2, 0, 1)
-
-    def _run_batch(self, n_points: int, pb: np.ndarray, states: np.ndarray, n_steps: int) -> np.ndarray:
-        from creative_nao.model.compiled_generation import generate_batch
-
-        angles = np.zeros((n_steps, self._encoding.n_joints, pb.shape[2]), np.float32)
-        generate_batch(self._by_postsynaptic, n_points, pb, self._initial_code, states, angles)
+            states[-self.n_slow :, :n_columns] = slow_states
+        angles = np.zeros((n_steps, self._encoding.n_joints, width), np.float32)
+        generate_batch(self._by_postsynaptic, n_points or width, points, self._initial_code, states, angles)
         return angles
 
     def differentiate(self, unknowns: np.ndarray, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -173,15 +172,12 @@ class ClosedLoopGenerator:
         """
         n, k = unknowns.shape
         n_points = -(-n // 16) * 16  # as many as one instruction works on
-        width = _columns((1 + k) * n_points)
         # One row for each unknown: its values, then 1 where it is differentiated by itself.
-        inputs = np.zeros((k, width), np.float32)
+        inputs = np.zeros((k, (1 + k) * n_points), np.float32)
         inputs[:, :n] = unknowns.T
         for i in range(k):
             inputs[i, (1 + i) * n_points : (2 + i) * n_points] = 1
-        states = np.zeros((self.n_hidden, width), np.float32)
-        if k > self.n_pb:
-            states[-self.n_slow :] = inputs[self.n_pb :]
+        states = inputs[self.n_pb :] if k > self.n_pb else None
         angles = self._run_batch(n_points, inputs[None, : self.n_pb], states, n_steps)
         blocks = angles[:, :, : (1 + k) * n_points].reshape(n_steps, -1, 1 + k, n_points)[..., :n]
         return blocks[:, :, 0], blocks[:, :, 1:]
@@ -224,19 +220,8 @@ class ClosedLoopGenerator:
         return trajectories
 
 
-def _columns(n: int) -> int:
-    """Return the columns of a compiled batch of `n` numbers in a row."""
-    from creative_nao.model.matmul import PANEL, line_up
-
-    return line_up(n, PANEL)
-
-
 def pb_points(value: ArrayLike, n_pb: int, name: str, least: int = 0) -> np.ndarray:
-    """Return PB points as float64 (n, n_pb).
-
-    Raises:
-        ShapeError: If they are not, if there are fewer than `least`, or one lies outside [-1, 1].
-    """
+    """Return PB points as float64 (n, n_pb); other shapes, fewer than `least`, values outside [-1, 1]: a ShapeError."""
     points = as_numbers(value, name)
     if points.ndim != 2 or points.shape[1] != n_pb or len(points) < least:
         expected = f"(n, {n_pb})" + (f" with n at least {least}" if least else "")
@@ -254,10 +239,7 @@ def pb_of_each_tick(
     """Return the PB value at every tick of `Memory.generate_path`, which describes the arguments, (n_steps, n_pb).
 
     Before the first and after the last point the PB rests; from the tick of a jump on the later point counts.
-
-    Raises:
-        ShapeError: If `points` is not (n, n_pb) or leaves [-1, 1].
-        SettingsError: If `at_ticks` does not fit.
+    Points that do not fit are a ShapeError, ticks that do not a SettingsError.
     """
     corners = pb_points(points, n_pb, "points", least=1)
     if at_ticks is None:

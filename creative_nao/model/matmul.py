@@ -19,7 +19,6 @@ from creative_nao.model.config import (
     NetworkSettings,
     Shapes,
     layer_time_constants,
-    n_parameters,
     neighbour_mask,
     parameter_shapes,
 )
@@ -34,8 +33,7 @@ def _has_512_bit_registers() -> bool:
 
 
 N_LANES = 16 if _has_512_bit_registers() else 8
-PANEL = 2 * N_LANES
-"""Columns of a tile: two registers."""
+PANEL = 2 * N_LANES  # columns of a tile: two registers
 TALLEST = 8 if N_LANES == 16 else 6
 """Most rows of a tile: with two registers a row they, a row of b and one number of a fill the registers."""
 
@@ -163,8 +161,7 @@ def multiply_panels(lay, first_panel, rows, rows_at, weights, start, start_row, 
         )  # fmt: skip
 
 
-LINE = 16
-"""Float32 numbers in a cache line of 64 bytes."""
+LINE = 16  # float32 numbers in a cache line of 64 bytes
 
 
 class Layout(NamedTuple):
@@ -221,11 +218,12 @@ class Packing:
             low, high, place[:-1], bias, w_pb, rho, size,
         )  # fmt: skip
         joint, unit = np.divmod(np.arange(n_codes), n_units)
-        self.code_columns = unit * n_joints + joint
-        """Column of each element of a posture's code."""
+        self.code_columns = unit * n_joints + joint  # of each element of a posture's code
         self.rate = np.ones(width, np.float32)
         self.rate[first_hidden : first_hidden + settings.n_hidden] = 1 / layer_time_constants(settings)
         self._flat, self._packed = self._pairs(settings)
+        self.real = aligned(size)  # 1 for elements of the packed vector that are parameters, 0 for the padding
+        self.real[self._packed] = 1
 
     def _pairs(self, settings: NetworkSettings) -> tuple[np.ndarray, np.ndarray]:
         """Return which element of the flat vector is which of the packed one; weights fixed at zero are in none."""
@@ -262,10 +260,6 @@ class Packing:
         new = flat.copy()
         new[self._flat] = packed[self._packed]
         return new
-
-    def real(self) -> np.ndarray:
-        """Return 1 for elements of the packed vector that are parameters, 0 for the padding."""
-        return self.pack(np.ones(n_parameters(self.shapes), np.float32))
 
 
 def _presynaptic(starts: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:

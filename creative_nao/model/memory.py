@@ -19,12 +19,7 @@ from numpy.typing import ArrayLike
 from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.demonstrations import Demonstrations
 from creative_nao.demonstrations.files import MAX_STEPS, checked_path
-from creative_nao.errors import (
-    CreativeNaoError,
-    FileFormatError,
-    NotFoundError,
-    nearest_name,
-)
+from creative_nao.errors import CreativeNaoError, FileFormatError, NotFoundError, nearest_name
 from creative_nao.measures import score
 from creative_nao.model.config import NetworkSettings, TrainingSettings, check_kind, parameter_shapes
 from creative_nao.model.encoding import SoftmaxEncoding, encoding_of
@@ -33,12 +28,11 @@ from creative_nao.model.recognition import N_SCREEN, Recognition, checked_trajec
 from creative_nao.schema import Count, Index, JsonObject, Names, Seed, Version1, checked, dump, parse, record
 
 KIND = "memory"
-MAX_CURVE_POINTS = 5000
-"""A memory keeps at most this many points of its learning curve; a checkpoint keeps all."""
+IN_HEADER = ("network", "training", "loss_every", "best_epoch", "best_loss", "record")  # fields of `Memory` as they are
+MAX_CURVE_POINTS = 5000  # a memory keeps at most this many points of its learning curve; a checkpoint keeps all
 MAX_WEIGHT = 1e6
 """Largest weight of a memory file; the largest of the shipped bank is 34. Beyond 1e30 sums would overflow."""
-PREVIEW_RESOLUTION = 40
-"""Points on each side of the map that a notebook shows."""
+PREVIEW_RESOLUTION = 40  # points on each side of the map that a notebook shows
 
 
 @record
@@ -245,16 +239,9 @@ class Memory:
         """Write the memory to one safetensors file, in one step, and return its path."""
         header = MemoryHeader(
             format_version=1,
-            network=self.network,
-            training=self.training,
-            joints=self.joints,
-            dt_s=self.dt_s,
             actions=self.demonstrations.names,
             demonstrations_record=self.demonstrations.record,
-            loss_every=self.loss_every,
-            best_epoch=self.best_epoch,
-            best_loss=self.best_loss,
-            record=self.record,
+            **{name: getattr(self, name) for name in ("joints", "dt_s", *IN_HEADER)},
         )
         tensors = {f"parameter/{name}": array for name, array in self.parameters.items()}
         for place, trajectory in enumerate(self.demonstrations.trajectories):
@@ -278,27 +265,15 @@ class Memory:
         parts = [f"demonstration/{place}" for place in range(len(header.actions))]
         only_arrays(path, tensors, [*parts, *(f"parameter/{key}" for key in shapes), "loss_history"])
         return cls(
-            network=header.network,
-            training=header.training,
-            parameters={key: _weights(path, tensors, f"parameter/{key}", shape) for key, shape in shapes.items()},
+            parameters={
+                key: take(path, tensors, f"parameter/{key}", shape, np.float32, least=-MAX_WEIGHT, most=MAX_WEIGHT)
+                for key, shape in shapes.items()
+            },
             demonstrations=_demonstrations(path, header, tensors),
             loss_history=take(path, tensors, "loss_history", (None,), np.float32),
-            loss_every=header.loss_every,
-            best_epoch=header.best_epoch,
-            best_loss=header.best_loss,
-            record=header.record,
             name=name or str(path),
+            **{field: getattr(header, field) for field in IN_HEADER},
         )
-
-
-def _weights(path: Path, tensors: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
-    weights = take(path, tensors, name, shape, np.float32)
-    if weights.size and np.abs(weights).max() > MAX_WEIGHT:
-        raise FileFormatError(
-            f"{path}: the array `{name}` should hold weights of at most {MAX_WEIGHT:g}, "
-            f"but holds {weights.flat[np.abs(weights).argmax()]:g}"
-        )
-    return weights
 
 
 def _demonstrations(path: Path, header: MemoryHeader, tensors: dict[str, np.ndarray]) -> Demonstrations:

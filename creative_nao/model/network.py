@@ -1,20 +1,13 @@
-"""The PB-MTRNN in torch, written to be read: the reference that compiled code is tested against (Eq. 1-5).
-
-`PBMTRNN` is the network, `kl_divergence` the loss, `ReferenceTraining` the training loop; `fused_loss` is the compiled
-loss with its gradient as a torch function.
-"""
+"""The PB-MTRNN in torch, written to be read: the reference that compiled code is tested against (Eq. 1-5)."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from creative_nao.errors import ShapeError
-from creative_nao.model.compiled_training import CompiledNetwork
 from creative_nao.model.config import (
     NetworkSettings,
     initial_vector,
@@ -147,39 +140,3 @@ class ReferenceTraining:
         states = [adam.state[getattr(net, name)] for name in shapes]
         moments = [np.concatenate([s[key].numpy().ravel() for s in states]) for key in ("exp_avg", "exp_avg_sq")]
         return [net.parameter_vector(), *moments, best], np.array(losses), best_epoch
-
-
-class _FusedLoss(torch.autograd.Function):
-    """Computes the gradient together with the loss: going forward alone would hardly be cheaper."""
-
-    @staticmethod
-    def forward(ctx: Any, compiled: CompiledNetwork, ratio: float, *parameters: Tensor) -> Tensor:
-        vector = np.concatenate([p.detach().numpy().ravel() for p in parameters])
-        loss, gradient = compiled.loss_and_gradient(vector, ratio)
-        pieces = torch.from_numpy(gradient).split([p.numel() for p in parameters])
-        ctx.save_for_backward(*(piece.view_as(p) for piece, p in zip(pieces, parameters, strict=True)))
-        return torch.tensor(loss, dtype=torch.float32)
-
-    @staticmethod
-    def backward(ctx: Any, *outer: Any) -> tuple[Tensor | None, ...]:
-        return None, None, *(outer[0] * gradient for gradient in ctx.saved_tensors)
-
-
-def fused_loss(network: PBMTRNN, codes: Tensor, lengths: Tensor, ratio: float) -> Tensor:
-    """Return what `kl_divergence(network(codes, ratio), codes, lengths)` returns, by the compiled engine (Eq. 1-5).
-
-    Its `.backward()` fills the gradients of the same parameters. It can be called once per result and not be
-    differentiated twice; codes and lengths get no gradient. The network must be on the CPU in float32.
-
-    Raises:
-        ShapeError: If `codes` is not (n_actions, n_steps, n_codes) or `lengths` not (n_actions,).
-    """
-    n_actions, n_codes = network.shapes["rho"][0], network.shapes["b_out"][0]
-    if codes.ndim != 3 or codes.shape[0] != n_actions or codes.shape[2] != n_codes:
-        raise ShapeError(f"`codes` should have shape ({n_actions}, n_steps, {n_codes}), but has {tuple(codes.shape)}")
-    if lengths.shape != (n_actions,):
-        raise ShapeError(f"`lengths` should have shape ({n_actions},), one per action, but has {tuple(lengths.shape)}")
-    compiled = CompiledNetwork(network.settings, codes.detach().numpy(), lengths.numpy())
-    loss = _FusedLoss.apply(compiled, float(ratio), *(getattr(network, name) for name in network.shapes))
-    assert isinstance(loss, Tensor)
-    return loss

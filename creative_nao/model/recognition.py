@@ -20,34 +20,25 @@ from creative_nao.errors import ShapeError
 from creative_nao.measures.dtw import MAX_VALUE, as_numbers, dtw_matrix
 from creative_nao.model.generation import DIFFERENTIATED_BATCH, ClosedLoopGenerator
 
-LARGEST_STEP = 0.1
-"""Of a PB value in one iteration; the approximation is not to be trusted farther."""
-DAMPING = 0.01
-"""Marquardt's factor at the start; a good step divides it by 5, a bad one multiplies it by 6."""
+LARGEST_STEP = 0.1  # of a PB value in one iteration; the approximation is not to be trusted farther
+DAMPING = 0.01  # Marquardt's factor at the start; a good step divides it by 5, a bad one multiplies it by 6
 GIVE_UP_DAMPING = 1e4
 SMALLEST_STEP = 1e-6
-SMALLEST_GAIN = 1e-3
-"""A descent ends when a step lowers its error by less than this share."""
+SMALLEST_GAIN = 1e-3  # a descent ends when a step lowers its error by less than this share
 STATE_PENALTY = 1e-5
 """Weight of a squared initial state beside the mean squared angle error [rad^2]: a state of 1 must explain more than
 this, so that noise is not explained by states that nothing else asks for."""
 
-N_SCREEN = 4096
-"""Points of the even cover: as dense as a grid of 64 x 64 when there are two PB units."""
-FIRST_HORIZON = 8
-"""Ticks of the shortest beginning that is fitted."""
+N_SCREEN = 4096  # points of the even cover: as dense as a grid of 64 x 64 when there are two PB units
+FIRST_HORIZON = 8  # ticks of the shortest beginning that is fitted
 N_HORIZONS = 7
-ITERATIONS, LAST_ITERATIONS = 6, 20
-"""Of each descent at one length, and at the full length."""
-SAME_POINT = 1e-4
-"""Descents closer than this in every PB value have met."""
-SCREEN_TICKS = 4096 * 50
-"""Ticks generated at a time, so that a long recording needs no more memory than a short one."""
+ITERATIONS, LAST_ITERATIONS = 6, 20  # of each descent at one length, and at the full length
+SAME_POINT = 1e-4  # descents closer than this in every PB value have met
+SCREEN_TICKS = 4096 * 50  # ticks generated at a time, so that a long recording needs no more memory than a short one
 WARPING_CELLS = 4e7
 """Pairs of postures spent on looking for starts by the warping distance, and again in the local search."""
 N_POLISHED = 6
-POLISH_RADII = 0.02 * 0.5 ** np.arange(8)
-"""Standard deviation of the trial steps of the local search, round by round."""
+POLISH_RADII = 0.02 * 0.5 ** np.arange(8)  # standard deviation of the trial steps of the local search, round by round
 N_TRIALS = 16
 
 
@@ -104,11 +95,7 @@ class Recognition:
 
 
 def checked_trajectory(trajectory: ArrayLike, joints: tuple[str, ...]) -> np.ndarray:
-    """Return joint angles as float64 (n_steps, n_joints).
-
-    Raises:
-        ShapeError: If they are not, if there are fewer than two ticks, or one is not finite.
-    """
+    """Return joint angles as float64 (n_steps, n_joints); other shapes, one tick, values not finite: a ShapeError."""
     target = as_numbers(trajectory, "trajectory")
     if target.ndim != 2 or target.shape[1] != len(joints) or len(target) < 2:
         raise ShapeError(
@@ -144,7 +131,12 @@ def infer_pb(
     n_unknown = n_pb + (generator.n_slow if infer_initial_state else 0)
     horizons = np.unique(np.geomspace(min(FIRST_HORIZON, len(target)), len(target), N_HORIZONS).round().astype(int))
     cover = even_cover(n_screen, n_pb, rng)
-    errors = _prefix_errors(generator, cover, target, horizons)
+    errors = np.empty((len(horizons), len(cover)))  # squared, of every point of the cover over the first ticks
+    size = max(1, SCREEN_TICKS // len(target))
+    for start in range(0, len(cover), size):
+        angles = generator(cover[start : start + size], len(target))
+        squares = np.cumsum(((angles - target) ** 2).sum(axis=2), axis=1)
+        errors[:, start : start + size] = squares[:, horizons - 1].T
     by_error = _from_short_to_long(generator, cover, errors, target, horizons, n_restarts, n_unknown)
     by_warping = _nearest_by_warping(generator, cover, errors[-1], target)
     unknowns = np.concatenate([by_error, np.pad(by_warping, ((0, 0), (0, n_unknown - n_pb)))])
@@ -170,19 +162,6 @@ def even_cover(n: int, n_pb: int, rng: np.random.Generator) -> np.ndarray:
         phi = (1.0 + phi) ** (1.0 / (n_pb + 1))
     steps = phi ** -np.arange(1.0, n_pb + 1)
     return 2.0 * ((rng.random(n_pb) + np.arange(n)[:, None] * steps) % 1.0) - 1.0
-
-
-def _prefix_errors(
-    generator: ClosedLoopGenerator, cover: np.ndarray, target: np.ndarray, horizons: np.ndarray
-) -> np.ndarray:
-    """Return the squared error of every point of the cover over the first ticks, (n_horizons, n)."""
-    errors = np.empty((len(horizons), len(cover)))
-    size = max(1, SCREEN_TICKS // len(target))
-    for start in range(0, len(cover), size):
-        angles = generator(cover[start : start + size], len(target))
-        squares = np.cumsum(((angles - target) ** 2).sum(axis=2), axis=1)
-        errors[:, start : start + size] = squares[:, horizons - 1].T
-    return errors
 
 
 def _from_short_to_long(
@@ -292,10 +271,19 @@ def descend(
     penalty = np.where(k < n_pb, 0.0, STATE_PENALTY * (target.size - target.shape[1]))  # of the sum, as J^T J is
 
     def evaluate(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        error, curvature, downhill = normal_equations(generator, points, target)
+        """Return mean squared error, J^T J and J^T (target - angles) with the penalty: Gauss-Newton's approximation."""
+        n, n_unknown = points.shape
+        error, curvature, downhill = np.empty(n), np.empty((n, n_unknown, n_unknown)), np.empty((n, n_unknown))
+        for start in range(0, n, DIFFERENTIATED_BATCH):
+            part = slice(start, min(start + DIFFERENTIATED_BATCH, n))
+            angles, derivatives = generator.differentiate(points[part], len(target))
+            rest = (target[1:, :, None] - angles[1:]).reshape(-1, angles.shape[-1]).T  # (points, angles)
+            jacobian = derivatives[1:].reshape(-1, n_unknown, angles.shape[-1]).transpose(2, 0, 1).astype(np.float64)
+            error[part] = (rest**2).mean(axis=1)
+            curvature[part] = jacobian.transpose(0, 2, 1) @ jacobian
+            downhill[part] = (rest[:, None, :] @ jacobian)[:, 0]
         curvature[:, k, k] += penalty
-        states = points[:, n_pb:]
-        return error + STATE_PENALTY * (states**2).sum(axis=1), curvature, downhill - penalty * points
+        return error + STATE_PENALTY * (points[:, n_pb:] ** 2).sum(axis=1), curvature, downhill - penalty * points
 
     error, curvature, downhill = evaluate(unknowns)
     damping = np.full(len(unknowns), DAMPING)
@@ -327,25 +315,3 @@ def _within(unknowns: np.ndarray, n_pb: int) -> np.ndarray:
     inside = unknowns.astype(np.float32).astype(np.float64)
     inside[:, :n_pb] = np.clip(inside[:, :n_pb], -1.0, 1.0)
     return inside
-
-
-def normal_equations(
-    generator: ClosedLoopGenerator, unknowns: np.ndarray, target: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compare what n points generate with `target`, (n_steps, n_joints) [rad]; tick 0 is given, not compared.
-
-    Returns:
-        The quadratic approximation of Gauss and Newton, J being the derivative of the angles by the unknowns: the mean
-        squared difference of the angles [rad^2], (n,), J^T J, (n, k, k), and J^T (target - angles), (n, k).
-    """
-    n, k = unknowns.shape
-    error, curvature, downhill = np.empty(n), np.empty((n, k, k)), np.empty((n, k))
-    for start in range(0, n, DIFFERENTIATED_BATCH):
-        part = slice(start, min(start + DIFFERENTIATED_BATCH, n))
-        angles, derivatives = generator.differentiate(unknowns[part], len(target))
-        rest = (target[1:, :, None] - angles[1:]).reshape(-1, angles.shape[-1]).T  # (points, angles)
-        jacobian = derivatives[1:].reshape(-1, k, angles.shape[-1]).transpose(2, 0, 1).astype(np.float64)
-        error[part] = (rest**2).mean(axis=1)
-        curvature[part] = jacobian.transpose(0, 2, 1) @ jacobian
-        downhill[part] = (rest[:, None, :] @ jacobian)[:, 0]
-    return error, curvature, downhill

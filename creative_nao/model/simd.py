@@ -9,15 +9,18 @@ The functions that do not access memory take a plain float32 as well, so that a 
 
 from __future__ import annotations
 
+import functools
 import operator
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
+
+from creative_nao.measures import _dtw_kernels
 
 # pyright: reportIndexIssue=false, reportCallIssue=false, reportOperatorIssue=false
 
@@ -144,7 +147,6 @@ _overload_operator(operator.sub, "fsub")
 _overload_operator(operator.mul, "fmul")
 _overload_operator(operator.truediv, "fdiv")
 
-
 # The larger, or the smaller, of a value and a bound; a value that is not a number stays so.
 at_least = _elementwise(2, lambda builder, x, bound: builder.select(builder.fcmp_ordered("<", x, bound), bound, x))
 at_most = _elementwise(2, lambda builder, x, bound: builder.select(builder.fcmp_ordered(">", x, bound), bound, x))
@@ -160,8 +162,9 @@ def _integers(kind: ir.Type) -> tuple[ir.Type, Any]:
     return whole, lambda value: ir.Constant(whole, [value] * kind.count if isinstance(kind, ir.VectorType) else value)
 
 
-def _emit_power_of_two(builder: Any, exponent: Any) -> Any:
-    """Emit 2^exponent for whole exponents from -126 to 127, by writing the exponent's bits."""
+@functools.partial(_elementwise, 1)
+def two_to_the(builder: Any, exponent: Any) -> Any:
+    """Return 2^exponent for whole exponents from -126 to 127, by writing the exponent's bits."""
     whole, number = _integers(exponent.type)
     biased = builder.add(builder.fptosi(exponent, whole), number(127))
     return builder.bitcast(builder.shl(biased, number(23)), exponent.type)
@@ -170,15 +173,12 @@ def _emit_power_of_two(builder: Any, exponent: Any) -> Any:
 _HALF_ROOT = 0x3F3504F3  # bits of sqrt(1/2): mantissas are taken from [sqrt(1/2), sqrt(2))
 
 
-def _emit_exponent(builder: Any, value: Any) -> Any:
-    """Emit the whole number e of value = m 2^e, m in [sqrt(1/2), sqrt(2)), value positive and normal."""
+@functools.partial(_elementwise, 1)
+def exponent_of(builder: Any, value: Any) -> Any:
+    """Return the whole number e of value = m 2^e, m in [sqrt(1/2), sqrt(2)), value positive and normal."""
     whole, number = _integers(value.type)
     bits = builder.sub(builder.bitcast(value, whole), number(_HALF_ROOT))
     return builder.sitofp(builder.ashr(bits, number(23)), value.type)
-
-
-two_to_the = _elementwise(1, _emit_power_of_two)
-exponent_of = _elementwise(1, _emit_exponent)
 
 
 @intrinsic
@@ -225,21 +225,9 @@ def transpose8(typing_context, source, source_first, source_row, target, target_
     return types.void(source, source_first, source_row, target, target_first, target_row), generate
 
 
-def compiled(**options: Any) -> Callable[[Callable], Any]:
-    """Compile with numba and cache the machine code; without a writable place, compile anew in each process.
-
-    `contract` alone of the fast-math flags is on: it lets a multiplication and an addition become one instruction,
-    which is the same in every lane, so results do not depend on how work was batched.
-    """
-
-    def wrap(function: Callable) -> Any:
-        settings = {"fastmath": {"contract"}, "nogil": True, "error_model": "numpy", **options}
-        try:
-            return njit(cache=True, **settings)(function)
-        except RuntimeError:
-            return njit(**settings)(function)
-
-    return wrap
+# `contract` alone of the fast-math flags is on: it lets a multiplication and an addition become one instruction, which
+# is the same in every lane, so results do not depend on how work was batched.
+compiled = functools.partial(_dtw_kernels.compiled, fastmath={"contract"}, error_model="numpy")
 
 
 @compiled(inline="always")

@@ -156,9 +156,10 @@ def load_checkpoint(
     n_codes = demonstrations.n_joints * network.n_softmax_units
     size = n_parameters(parameter_shapes(network, n_codes, demonstrations.n_actions))
     only_arrays(path, tensors, [*VECTORS, "loss_history"])
-    vectors = {name: take(path, tensors, name, (size,), np.float32) for name in VECTORS}
-    if (vectors["second_moment"] < 0).any():
-        raise FileFormatError(f"{path}: the array `second_moment` should hold means of squares, but some are below 0")
+    least = {"second_moment": 0.0}  # a mean of squares
+    vectors = {
+        name: take(path, tensors, name, (size,), np.float32, least=least.get(name, -math.inf)) for name in VECTORS
+    }
     history = take(path, tensors, "loss_history", (None,), np.float64)
     if header.best_epoch > len(history):
         raise FileFormatError(
@@ -175,8 +176,7 @@ def _digest(demonstrations: Demonstrations) -> str:
     return digest.hexdigest()
 
 
-CHUNK_EPOCHS = 100
-"""Epochs between two looks at progress and at a wish to stop."""
+CHUNK_EPOCHS = 100  # epochs between two looks at progress and at a wish to stop
 
 Progress = Callable[[TrainingSettings, TrainingState], None]
 
