@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -141,12 +141,35 @@ class Agent(ABC):
         """Take in what a PB vector earned; ignored unless a subclass says otherwise."""
 
 
-class MovementAgent(Agent):
+class MovementAgent(Agent, Generic[T]):
     """Chooses one PB vector for each movement. A subclass defines `next_pb`, and `learn_movement` where it learns.
 
     Where a movement takes several decisions (`CreativeNao/BoxingModulation-v0`), the PB vector is held until the
     movement is scored, so that every reward belongs to one point of the PB space.
+
+    Args:
+        settings: Of the class `settings_type`; None takes the default ones.
+
+    Raises:
+        SettingsError: If they are those of another agent.
+        MissingDependencyError: If the package that searches is not installed.
     """
+
+    settings_type: ClassVar[type[Any]]
+    package: ClassVar[str] = ""
+    """The package that searches, and our extra that installs it."""
+    extra: ClassVar[str] = ""
+
+    def __init__(self, settings: T | None = None):
+        if self.package and importlib.util.find_spec(self.package) is None:
+            raise _missing(self.package, self.extra, self.name, "it is not installed")
+        self.settings: T = check_kind(
+            self.settings_type() if settings is None else settings, self.settings_type, "settings"
+        )
+
+    def load_package(self) -> ModuleType:
+        """Return the package that searches."""
+        return load_extra(self.package, self.extra, self.name)
 
     def start(self, context: Context) -> None:
         """Forget the PB vector held; a subclass calls this before it prepares anything else."""
@@ -173,7 +196,7 @@ class MovementAgent(Agent):
         """Take in what the last movement earned; ignored unless a subclass says otherwise."""
 
 
-class BatchSearch(MovementAgent):
+class BatchSearch(MovementAgent[T]):
     """Asks its search for a batch, hands it out one by one and gives the rewards back when all are known.
 
     A subclass defines `prepare`, `propose` and `receive`, and `describe` where its search reads more than rewards.
@@ -277,21 +300,10 @@ def check_kind(value: Any, kind: type[T], name: str) -> T:
     return value
 
 
-def settings_or_default(settings: T | None, kind: type[T]) -> T:
-    """Return the settings of an agent, or the default ones; those of another agent are a `SettingsError`."""
-    return kind() if settings is None else check_kind(settings, kind, "settings")
-
-
-def require_extra(*, package: str, extra: str, agent: str) -> None:
-    """Raise a `MissingDependencyError` where a package is not installed, without importing it; names its extra."""
-    if importlib.util.find_spec(package) is None:
-        raise _missing(package, extra, agent, "it is not installed")
-
-
-def load_extra(module: str, *, package: str, extra: str, agent: str) -> ModuleType:
-    """Import a module of an optional package, or raise a `MissingDependencyError` that names package and extra."""
+def load_extra(package: str, extra: str, agent: str) -> ModuleType:
+    """Import an optional package, or raise a `MissingDependencyError` that names package and extra."""
     try:
-        return importlib.import_module(module)
+        return importlib.import_module(package)
     except ImportError as error:
         raise _missing(package, extra, agent, error) from error
 

@@ -12,15 +12,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from creative_nao.agents.base import (
-    Agent,
-    BatchSearch,
-    Context,
-    MovementAgent,
-    load_extra,
-    require_extra,
-    settings_or_default,
-)
+from creative_nao.agents.base import Agent, BatchSearch, Context, MovementAgent
 from creative_nao.errors import SettingsError
 from creative_nao.maps import PAPER_RESOLUTION, pb_grid, pb_map
 from creative_nao.measures import farthest_points
@@ -94,16 +86,14 @@ class ReplaySettings:
     """Standard deviation of the steps away from a learned PB vector, in each PB unit; the square is 2 wide."""
 
 
-class ReplayAgent(MovementAgent):
+class ReplayAgent(MovementAgent[ReplaySettings]):
     """Plays each learned PB vector once, then goes round them with a normal deviation, clipped to the space.
 
     What comes of doing what was taught, and of doing it inexactly. It needs a memory that tells its learned PB vectors.
     """
 
     name: ClassVar[str] = "replay"
-
-    def __init__(self, settings: ReplaySettings | None = None):
-        self.settings = settings_or_default(settings, ReplaySettings)
+    settings_type = ReplaySettings
 
     def start(self, context: Context) -> None:
         """Read the learned PB vectors; a context without a memory is a `SettingsError`."""
@@ -133,7 +123,7 @@ class CmaEsSettings:
     """First standard deviation, in each PB unit, around the centre of the space; the square is 2 wide."""
 
 
-class CmaEsAgent(BatchSearch):
+class CmaEsAgent(BatchSearch[CmaEsSettings]):
     """CMA-ES (Hansen 2016, arXiv:1604.00772) of the package `cmaes`, maximising the reward of a single action.
 
     What an action earns falls when something like it has joined the repertoire, so the optimum moves away from where
@@ -141,16 +131,12 @@ class CmaEsAgent(BatchSearch):
     """
 
     name: ClassVar[str] = "cma_es"
-
-    def __init__(self, settings: CmaEsSettings | None = None):
-        require_extra(package="cmaes", extra="search", agent=self.name)
-        self.settings = settings_or_default(settings, CmaEsSettings)
+    settings_type, package, extra = CmaEsSettings, "cmaes", "search"
 
     def prepare(self, context: Context, seed: int) -> None:
         """Set the distribution up."""
-        cmaes = load_extra("cmaes", package="cmaes", extra="search", agent=self.name)
         low, high = context.action_space.low.astype(np.float64), context.action_space.high.astype(np.float64)
-        self._search = cmaes.CMA(
+        self._search = self.load_package().CMA(
             mean=(low + high) / 2.0,
             sigma=self.settings.sigma,
             bounds=np.stack([low, high], axis=1),
@@ -175,7 +161,7 @@ class BayesianSettings:
     """Movements drawn uniformly before the Gaussian process decides."""
 
 
-class BayesianAgent(MovementAgent):
+class BayesianAgent(MovementAgent[BayesianSettings]):
     """Bayesian optimisation by Optuna's `GPSampler`: Matern 5/2 kernel, logarithm of the expected improvement.
 
     It models what a single action earned when it was tried. A movement earns less once something like it has joined the
@@ -184,15 +170,12 @@ class BayesianAgent(MovementAgent):
 
     name: ClassVar[str] = "bayesian"
     learns_within_episode: ClassVar[bool] = True
-
-    def __init__(self, settings: BayesianSettings | None = None):
-        require_extra(package="optuna", extra="bayes", agent=self.name)
-        self.settings = settings_or_default(settings, BayesianSettings)
+    settings_type, package, extra = BayesianSettings, "optuna", "bayes"
 
     def start(self, context: Context) -> None:
         """Begin with an empty study."""
         super().start(context)
-        self._optuna = load_extra("optuna", package="optuna", extra="bayes", agent=self.name)
+        self._optuna = self.load_package()
         space = context.action_space
         ends = zip(space.low.tolist(), space.high.tolist(), strict=True)
         uniform = self._optuna.distributions.FloatDistribution
@@ -236,7 +219,7 @@ class OracleSettings:
     """Choices worked out at a time; the next ones follow when they are needed."""
 
 
-class OracleAgent(MovementAgent):
+class OracleAgent(MovementAgent[OracleSettings]):
     """Plays the greedy selection: each movement the farthest from the basic actions and from those before it.
 
     It imagines the map, so that it is the ceiling where the imagined movement is scored; in physics it is a plan that
@@ -247,9 +230,7 @@ class OracleAgent(MovementAgent):
     name: ClassVar[str] = "oracle"
     _last_plan: ClassVar[tuple[weakref.ref[Any], OracleSettings, np.ndarray] | None] = None
     """The last plan made, of any oracle: repetitions of an episode map their memory once."""
-
-    def __init__(self, settings: OracleSettings | None = None):
-        self.settings = settings_or_default(settings, OracleSettings)
+    settings_type = OracleSettings
 
     def start(self, context: Context) -> None:
         """Compute the map, unless the last episode of an oracle was one of the same memory.

@@ -11,11 +11,11 @@ import warnings
 from abc import abstractmethod
 from collections.abc import Mapping
 from types import ModuleType
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, cast
 
 import numpy as np
 
-from creative_nao.agents.base import BatchSearch, Context, load_extra, require_extra, settings_or_default
+from creative_nao.agents.base import BatchSearch, Context, T
 from creative_nao.errors import SettingsError
 from creative_nao.schema import Count, Field, NonNegative, Positive, record
 
@@ -59,31 +59,29 @@ def _scored_trajectory(info: Mapping[str, Any]) -> np.ndarray:
     return np.asarray(info["trajectory"], np.float64)
 
 
-class ArmArchiveSearch(BatchSearch):
+class ArmArchiveSearch(BatchSearch[T]):
     """A search of pyribs: one `GridArchive` over the excursions of both arms, and one emitter that a subclass defines.
 
     The objective is what a movement earned when it was tried. It is kept as it was, although the same movement would
     earn nothing a second time: the archive is a record of finds, and its elites are where new movements start from.
 
-    Args:
-        settings: With the `n_cells` and `largest_excursion` of the archive.
+    Its settings tell the `n_cells` and `largest_excursion` of the archive, and `batch_size`.
     """
 
-    def __init__(self, settings: Any):
-        require_extra(package="ribs", extra="search", agent=self.name)
-        self.settings = settings
+    package, extra = "ribs", "search"
 
     def prepare(self, context: Context, seed: int) -> None:
         """Build archive, emitter and scheduler."""
-        archives, emitters, schedulers = _load_ribs(self.name)
+        ribs, settings = self.load_package(), cast(Any, self.settings)
         for_archive, for_emitter = np.random.SeedSequence(seed).spawn(2)
-        archive = archives.GridArchive(
+        archive = ribs.archives.GridArchive(
             solution_dim=context.action_space.shape[0],
-            dims=[self.settings.n_cells] * N_EXCURSIONS,
-            ranges=[(0.0, self.settings.largest_excursion)] * N_EXCURSIONS,
+            dims=[settings.n_cells] * N_EXCURSIONS,
+            ranges=[(0.0, settings.largest_excursion)] * N_EXCURSIONS,
             seed=for_archive,
         )
-        self._scheduler = schedulers.Scheduler(archive, [self.build_emitter(emitters, archive, context, for_emitter)])
+        shared = {"bounds": _bounds(context), "batch_size": settings.batch_size, "seed": for_emitter}
+        self._scheduler = ribs.schedulers.Scheduler(archive, [self.build_emitter(ribs.emitters, archive, **shared)])
 
     def propose(self) -> np.ndarray:
         """Ask the emitter, shape (n, n_pb)."""
@@ -106,18 +104,19 @@ class ArmArchiveSearch(BatchSearch):
         return self._scheduler.archive
 
     @abstractmethod
-    def build_emitter(self, emitters: ModuleType, archive: Any, context: Context, seed: np.random.SeedSequence) -> Any:
-        """Return the emitter of `ribs.emitters` that fills `archive`."""
-
-
-def _load_ribs(agent: str) -> list[ModuleType]:
-    parts = ("archives", "emitters", "schedulers")
-    return [load_extra(f"ribs.{part}", package="ribs", extra="search", agent=agent) for part in parts]
+    def build_emitter(self, emitters: ModuleType, archive: Any, **shared: Any) -> Any:
+        """Return the emitter of `ribs.emitters` that fills `archive`, made with the arguments that all have."""
 
 
 def _bounds(context: Context) -> list[tuple[float, float]]:
     """Return the ends of the action space, a pair for each PB unit."""
     return list(zip(context.action_space.low.tolist(), context.action_space.high.tolist(), strict=True))
+
+
+def _uniform(context: Context, n: int) -> np.ndarray:
+    """Draw PB vectors, shape (n, n_pb)."""
+    space = context.action_space
+    return context.rng.uniform(space.low, space.high, (n, *space.shape))
 
 
 @record
@@ -134,7 +133,7 @@ class CmaMeSettings:
     """Upper end of the archive along each descriptor [rad]; beyond it movements fall into the last cell."""
 
 
-class CmaMeAgent(ArmArchiveSearch):
+class CmaMeAgent(ArmArchiveSearch[CmaMeSettings]):
     """CMA-ME (Fontaine et al. 2020, arXiv:1912.02400) by pyribs' `GridArchive` and `EvolutionStrategyEmitter`.
 
     A movement ranks first if it fills an empty cell, then by how much it improves one. Movements are sorted by how far
@@ -142,21 +141,14 @@ class CmaMeAgent(ArmArchiveSearch):
     """
 
     name: ClassVar[str] = "cma_me"
+    settings_type = CmaMeSettings
 
-    def __init__(self, settings: CmaMeSettings | None = None):
-        super().__init__(settings_or_default(settings, CmaMeSettings))
-
-    def build_emitter(self, emitters: ModuleType, archive: Any, context: Context, seed: np.random.SeedSequence) -> Any:
+    def build_emitter(self, emitters: ModuleType, archive: Any, **shared: Any) -> Any:
         """Return the evolution strategy, ranked by improvement of the archive."""
-        space = context.action_space
+        space = self.context.action_space
+        centre = (space.low + space.high).astype(np.float64) / 2.0
         return emitters.EvolutionStrategyEmitter(
-            archive,
-            x0=(space.low + space.high).astype(np.float64) / 2.0,
-            sigma0=self.settings.sigma,
-            ranker="2imp",
-            bounds=_bounds(context),
-            batch_size=self.settings.batch_size,
-            seed=seed,
+            archive, x0=centre, sigma0=self.settings.sigma, ranker="2imp", **shared
         )
 
 
@@ -176,28 +168,19 @@ class MapElitesSettings:
     """Upper end of the archive along each descriptor [rad]; beyond it movements fall into the last cell."""
 
 
-class MapElitesAgent(ArmArchiveSearch):
+class MapElitesAgent(ArmArchiveSearch[MapElitesSettings]):
     """MAP-Elites (Mouret and Clune 2015, arXiv:1504.04909) by pyribs' `GridArchive` and `GaussianEmitter`.
 
     Movements are sorted by how far each arm moves (`arm_excursions`).
     """
 
     name: ClassVar[str] = "map_elites"
+    settings_type = MapElitesSettings
 
-    def __init__(self, settings: MapElitesSettings | None = None):
-        super().__init__(settings_or_default(settings, MapElitesSettings))
-
-    def build_emitter(self, emitters: ModuleType, archive: Any, context: Context, seed: np.random.SeedSequence) -> Any:
+    def build_emitter(self, emitters: ModuleType, archive: Any, **shared: Any) -> Any:
         """Return the emitter that varies elites drawn from the archive."""
-        space = context.action_space
-        return emitters.GaussianEmitter(
-            archive,
-            sigma=self.settings.sigma,
-            initial_solutions=context.rng.uniform(space.low, space.high, (self.settings.n_initial, *space.shape)),
-            bounds=_bounds(context),
-            batch_size=self.settings.batch_size,
-            seed=seed,
-        )
+        first = _uniform(self.context, self.settings.n_initial)
+        return emitters.GaussianEmitter(archive, sigma=self.settings.sigma, initial_solutions=first, **shared)
 
 
 @record
@@ -218,7 +201,7 @@ class NoveltySearchSettings:
     """The descriptor is the mean posture in so many equal stretches of the movement."""
 
 
-class NoveltySearchAgent(BatchSearch):
+class NoveltySearchAgent(BatchSearch[NoveltySearchSettings]):
     """Novelty search (Lehman and Stanley 2011) by pyribs' `ProximityArchive` and `EvolutionStrategyEmitter`.
 
     Movements are compared by their mean posture in a few stretches of time (`mean_postures`). The reward
@@ -227,31 +210,24 @@ class NoveltySearchAgent(BatchSearch):
     """
 
     name: ClassVar[str] = "novelty_search"
-
-    def __init__(self, settings: NoveltySearchSettings | None = None):
-        require_extra(package="ribs", extra="search", agent=self.name)
-        self.settings = settings_or_default(settings, NoveltySearchSettings)
+    settings_type, package, extra = NoveltySearchSettings, "ribs", "search"
 
     def prepare(self, context: Context, seed: int) -> None:
         """Begin with nothing: the first movements show how many joints the descriptor has."""
-        self._parts = _load_ribs(self.name)
+        self._ribs = self.load_package()
         self._seeds = np.random.SeedSequence(seed).spawn(2)
         self._scheduler: Any = None
 
     def propose(self) -> np.ndarray:
         """Draw the first batch uniformly, (n_initial, n_pb); after it ask the emitter, (batch_size, n_pb)."""
-        if self._scheduler is not None:
-            return self._scheduler.ask()
-        space = self.context.action_space
-        return self.context.rng.uniform(space.low, space.high, (self.settings.n_initial, *space.shape))
+        return _uniform(self.context, self.settings.n_initial) if self._scheduler is None else self._scheduler.ask()
 
     def receive(self, pb: np.ndarray, rewards: np.ndarray, descriptors: np.ndarray) -> None:
         """Add the batch to the archive and tell the emitter how novel each movement was."""
         if self._scheduler is not None:
             self._scheduler.tell(rewards, descriptors)  # the rewards are kept beside, not ranked
             return
-        archives, emitters, schedulers = self._parts
-        archive = archives.ProximityArchive(
+        archive = self._ribs.archives.ProximityArchive(
             solution_dim=pb.shape[1],
             measure_dim=descriptors.shape[1],
             k_neighbors=self.settings.n_neighbours,
@@ -259,7 +235,7 @@ class NoveltySearchAgent(BatchSearch):
             seed=self._seeds[0],
         )
         archive.add(pb, rewards, descriptors)
-        emitter = emitters.EvolutionStrategyEmitter(
+        emitter = self._ribs.emitters.EvolutionStrategyEmitter(
             archive,
             x0=archive.sample_elites(1)["solution"][0],
             sigma0=self.settings.sigma,
@@ -268,7 +244,7 @@ class NoveltySearchAgent(BatchSearch):
             batch_size=self.settings.batch_size,
             seed=self._seeds[1],
         )
-        self._scheduler = schedulers.Scheduler(archive, [emitter])
+        self._scheduler = self._ribs.schedulers.Scheduler(archive, [emitter])
 
     def describe(self, info: Mapping[str, Any]) -> np.ndarray:
         """Return the mean postures [rad], shape (n_stretches * n_joints,)."""

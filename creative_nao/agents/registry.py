@@ -11,18 +11,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from creative_nao.agents import black_box, quality_diversity
 from creative_nao.agents.base import Agent, Context, PolicyAgent
-from creative_nao.agents.black_box import (
-    BayesianAgent,
-    CmaEsAgent,
-    OracleAgent,
-    RandomAgent,
-    ReplayAgent,
-    SobolAgent,
-    SupervisedAgent,
-)
 from creative_nao.agents.bundle import find_bundle, load_bundle, shipped_agents
-from creative_nao.agents.quality_diversity import CmaMeAgent, MapElitesAgent, NoveltySearchAgent
 from creative_nao.agents.settings import ALGORITHMS
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name, shown
 from creative_nao.schema import checked
@@ -30,10 +21,18 @@ from creative_nao.schema import checked
 UNTRAINED: dict[str, Callable[[], Agent]] = {
     agent.name: agent
     for agent in (
-        SupervisedAgent, ReplayAgent, RandomAgent, SobolAgent, CmaEsAgent, CmaMeAgent, MapElitesAgent,
-        NoveltySearchAgent, BayesianAgent, OracleAgent,
+        black_box.SupervisedAgent,
+        black_box.ReplayAgent,
+        black_box.RandomAgent,
+        black_box.SobolAgent,
+        black_box.CmaEsAgent,
+        quality_diversity.CmaMeAgent,
+        quality_diversity.MapElitesAgent,
+        quality_diversity.NoveltySearchAgent,
+        black_box.BayesianAgent,
+        black_box.OracleAgent,
     )
-}  # fmt: skip
+}
 """Agents that need no training."""
 TRAINED = tuple(ALGORITHMS)
 """Agents that are trained first and come out of a bundle."""

@@ -84,7 +84,7 @@ def tune(
         MissingDependencyError: If Optuna is not installed.
         SettingsError: If there is a study already and `resume` is not set, or it is of another plan.
     """
-    optuna: Any = load_extra("optuna", package="optuna", extra="tune", agent=plan.algorithm)
+    optuna: Any = load_extra("optuna", "tune", plan.algorithm)
     known = find_algorithm(plan.algorithm)
     start = read_hyperparameters(known.name, plan.env, plan.conf_file).replace(n_timesteps=plan.n_timesteps)
     journal = out / "study.journal"

@@ -134,6 +134,7 @@ def test_a_missing_package_is_named_with_its_extra_when_the_agent_is_made(agent,
 
 def test_a_package_that_is_there_and_broken_is_named_when_it_is_loaded(monkeypatch):
     agent = MapElitesAgent()
+    monkeypatch.delitem(sys.modules, "ribs", raising=False)
     monkeypatch.setitem(sys.modules, "ribs.archives", None)
     with pytest.raises(MissingDependencyError, match=r"`map_elites` needs the package `ribs`: .*\(import of ribs"):
         play(agent)
