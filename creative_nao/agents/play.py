@@ -173,7 +173,8 @@ def evaluate_agent(
     seeds = checked(tuple[Index, ...], tuple(seeds) if isinstance(seeds, Iterable) else seeds, "seeds")
     named = tuple(memories) if isinstance(memories, Iterable) and not isinstance(memories, str) else memories
     for memory in checked(tuple[LongText, ...], named, "memories"):
-        env = make_env(env_id, memory=memory)
+        check_env(env_id)
+        env = gym.make(env_id, memory=memory)
         try:
             for seed in seeds:
                 rewards, info = [], {}
@@ -203,12 +204,6 @@ def evaluate_policy(
     torch.set_num_threads(1)  # so that sums are made in the same order everywhere
     agent = PolicyAgent(policy, deterministic=deterministic)
     return Score(env_id, deterministic, evaluate_agent(agent, env_id, memories, seeds, progress=progress))
-
-
-def make_env(env_id: str, **arguments: Any) -> gym.Env:
-    """Make an environment by name; see `check_env`."""
-    check_env(env_id)
-    return gym.make(env_id, **arguments)
 
 
 def check_env(env_id: str) -> EnvSpec:

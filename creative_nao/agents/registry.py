@@ -15,7 +15,7 @@ from creative_nao.agents import black_box, quality_diversity
 from creative_nao.agents.base import Agent, Context, PolicyAgent
 from creative_nao.agents.bundle import find_bundle, load_bundle, shipped_agents
 from creative_nao.agents.settings import ALGORITHMS
-from creative_nao.errors import NotFoundError, SettingsError, nearest_name, shown
+from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.schema import checked
 
 UNTRAINED: dict[str, Callable[[], Agent]] = {
@@ -54,7 +54,7 @@ class FunctionAgent(Agent):
     name: ClassVar[str] = "function"
 
     def __init__(self, function: Callable[[np.ndarray], Any], *, name: str | None = None):
-        self.function = _check_callable(function, "function")
+        self.function = checked(Callable, function, "function")
         if name is not None:
             self.name = name  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -102,8 +102,8 @@ class AgentPolicy:
     """
 
     def __init__(self, make_agent: Callable[[], Agent], make_context: Callable[[], Context]):
-        self._make_agent = _check_callable(make_agent, "make_agent")
-        self._make_context = _check_callable(make_context, "make_context")
+        self._make_agent = checked(Callable, make_agent, "make_agent")
+        self._make_context = checked(Callable, make_context, "make_context")
         agent = make_agent()
         if agent.learns_within_episode:
             raise SettingsError(
@@ -146,12 +146,6 @@ class AgentPolicy:
             self._left[place] -= 1
             agent.tell(actions[-1], row, float("nan"), {})
         return (actions[0] if observation.ndim == 1 else np.stack(actions)), state
-
-
-def _check_callable(value: Any, name: str) -> Any:
-    if not callable(value):
-        raise SettingsError(f"`{name}` should be callable, but is {shown(value)}")
-    return value
 
 
 def is_entry_point(name: str) -> bool:

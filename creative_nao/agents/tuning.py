@@ -27,9 +27,6 @@ from creative_nao.errors import SettingsError
 from creative_nao.schema import Count, Index, LongText, Text, record
 from creative_nao.storage import write_text
 
-_WIDTHS = (32, 64, 128)
-_CELL_WIDTHS = (8, 16, 24)
-
 
 @record
 class TuningPlan:
@@ -84,6 +81,8 @@ def tune(
         MissingDependencyError: If Optuna is not installed.
         SettingsError: If there is a study already and `resume` is not set, or it is of another plan.
     """
+    import yaml
+
     optuna: Any = load_extra("optuna", "tune", plan.algorithm)
     known = find_algorithm(plan.algorithm)
     start = read_hyperparameters(known.name, plan.env, plan.conf_file).replace(n_timesteps=plan.n_timesteps)
@@ -94,31 +93,35 @@ def tune(
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     journal_storage = optuna.storages.JournalStorage(optuna.storages.journal.JournalFileBackend(str(journal)))
     study = optuna.create_study(storage=journal_storage, study_name="tuning", direction="maximize", load_if_exists=True)
-    about = {"start": start.as_zoo(), "algorithm": known.name, "env": plan.env, "seed": plan.seed}
-    about["n_judged_seeds"] = plan.n_judged_seeds
+    about = {"start": start.as_zoo(), "algorithm": known.name}
+    about |= {name: getattr(plan, name) for name in ("env", "seed", "n_judged_seeds")}
     kept = study.user_attrs.get("about", about)
     named = {name: RELEASED_NAMES.get(str(value), value) for name, value in kept["start"].items()}
     if {**kept, "start": named} != about:
         raise SettingsError(f"{journal} is a search with other settings; give the same ones to go on, or another --out")
     study.set_user_attr("about", about)
-    done = optuna.trial.TrialState.COMPLETE
 
-    def finished() -> int:
-        return len(study.get_trials(deepcopy=False, states=(done,)))
+    def finished() -> list[Any]:
+        return study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.COMPLETE,))
 
-    while finished() < plan.n_trials:
+    while (n_done := len(finished())) < plan.n_trials:
         # A sampler for each trial, so that a search that was interrupted goes on with the same draws.
-        study.sampler = optuna.samplers.TPESampler(seed=plan.seed * 100_003 + finished(), n_startup_trials=5)
-        first = finished() == 0
-        study.optimize(lambda trial, first=first: _reward(trial, plan, start, first), n_trials=1)
+        study.sampler = optuna.samplers.TPESampler(seed=plan.seed * 100_003 + n_done, n_startup_trials=5)
+        study.optimize(lambda trial, first=n_done == 0: _reward(trial, plan, start, first), n_trials=1)
         if progress is not None:
-            progress(finished(), study.best_value)
+            progress(len(finished()), study.best_value)
     best = study.best_trial
     entry = suggest(optuna.trial.FixedTrial(best.params), start) if best.params else start
     whole = read_hyperparameters(known.name, plan.env, plan.conf_file).n_timesteps
     path = out / f"{known.name}.yml"
-    write_text(path, _as_yaml(plan, entry.replace(n_timesteps=whole), study.best_value, finished()))
-    complete = study.get_trials(deepcopy=False, states=(done,))
+    complete = finished()
+    values = {plan.env: entry.replace(n_timesteps=whole).as_zoo()}
+    text = yaml.safe_dump(values, sort_keys=False, default_flow_style=None)
+    head = (
+        f"# Best of {len(complete)} trials of {plan.n_timesteps} decisions, seed {plan.seed}; "
+        f"validation reward {study.best_value:.3f} (optimistic: it is the best of many)"
+    )
+    write_text(path, f"{head}\n{text}")
     return TuningResult(path, len(complete), complete[0].value, study.best_value, dict(best.params))
 
 
@@ -145,15 +148,14 @@ def suggest(trial: Any, start: Hyperparameters) -> Hyperparameters:
         if noise is not None:
             noise = trial.suggest_float("noise_std", 0.05, 0.8)
     if start.policy in (CELL_POLICY, CELL_SAC_POLICY):
-        policy_kwargs["width"] = trial.suggest_categorical("width", list(_CELL_WIDTHS))
+        policy_kwargs["width"] = trial.suggest_categorical("width", [8, 16, 24])
         return start.replace(arguments=arguments, policy_kwargs=policy_kwargs)
-    width = trial.suggest_categorical("width", list(_WIDTHS))
+    width = trial.suggest_categorical("width", [32, 64, 128])
     layers = policy_kwargs.get("net_arch", [64, 64])
-    policy_kwargs["net_arch"] = (
-        {name: [width] * len(widths) for name, widths in layers.items()}
-        if isinstance(layers, dict)
-        else [width] * len(layers)
-    )
+    if isinstance(layers, dict):
+        policy_kwargs["net_arch"] = {name: [width] * len(widths) for name, widths in layers.items()}
+    else:
+        policy_kwargs["net_arch"] = [width] * len(layers)
     return start.replace(arguments=arguments, policy_kwargs=policy_kwargs, noise_std=noise)
 
 
@@ -171,13 +173,3 @@ def _reward(trial: Any, plan: TuningPlan, start: Hyperparameters, first: bool) -
     _, record = train_agent(training)
     last = record.evaluations[-1]
     return math.fsum(last) / len(last)
-
-
-def _as_yaml(plan: TuningPlan, entry: Hyperparameters, reward: float, n_trials: int) -> str:
-    import yaml
-
-    text = yaml.safe_dump({plan.env: entry.as_zoo()}, sort_keys=False, default_flow_style=None)
-    return (
-        f"# Best of {n_trials} trials of {plan.n_timesteps} decisions, seed {plan.seed}; "
-        f"validation reward {reward:.3f} (optimistic: it is the best of many)\n{text}"
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -59,9 +60,7 @@ class VerifySettings(JobOptions):
         figures = {
             "holds": verification.holds,
             "exact": verification.exact,
-            "checks": [vars(check) for check in verification.checks],
-            "differences": list(verification.differences),
-            "contradictions": list(verification.contradictions),
+            **dataclasses.asdict(verification),
         }
         if not self.json:
             (Console() if sys.stdout.isatty() else Console(width=140)).print(_table(verification, path))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -92,10 +92,8 @@ def _line(row: dict[str, Any]) -> str:
 
 def _success(rows: list[dict[str, Any]]) -> dict[str, Counter[bool]]:
     """Count, for each condition, the networks that give every basic action back and those that do not."""
-    threshold = Criteria().learned_threshold
-    counts: dict[str, Counter[bool]] = {}
+    counts: dict[str, Counter[bool]] = defaultdict(Counter)
     for row in rows:
-        if "worst_reproduction_dtw" in row:
-            condition = row["name"].split("/")[0]
-            counts.setdefault(condition, Counter())[row["worst_reproduction_dtw"] <= threshold] += 1
+        if (worst := row.get("worst_reproduction_dtw")) is not None:
+            counts[row["name"].split("/")[0]][worst <= Criteria().learned_threshold] += 1
     return counts
