@@ -133,7 +133,7 @@ def map_picture(
 ) -> Image.Image:
     """Draw what a view shows of a map, `SIZE` pixels along each side, PB 2 upwards.
 
-    Regions of learned movements have dark borders and what cannot be used is hatched, so that nothing is told by
+    Regions of learned movements have dark borders and what cannot be used is hatched, so that nothing is shown by
     colour alone.
 
     Args:

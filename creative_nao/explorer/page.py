@@ -63,7 +63,7 @@ def build_page(tab: Tab) -> None:
             with _area("player"):
                 player(tab)
             for number, panel in enumerate(tab.memory_panels, start=1):
-                with _area("told", number):
+                with _area("words", number):
                     ui.label(f"Memory {panel.loaded.name}").classes("cn-name-of-side")
                     panel.build_description()
         with _area("tools"):

@@ -106,7 +106,7 @@ class Tabs:
         return len(self._tabs)
 
     def admits(self, tab: Tab | TeachTab) -> bool:
-        """Keep the tab being built until it goes, then close it; one too many is closed at once and told so."""
+        """Keep the tab being built until it goes, then close it; one too many is closed at once, with a message."""
         if len(self._tabs) >= MAX_TABS:
             tab.close()
             ui.label(f"{MAX_TABS} tabs are open. Close some, wait a minute and reload this page.")

@@ -46,7 +46,7 @@ class AppState:
 
 
 class MemoryPanel:
-    """One memory in a tab: its map, its robot, and what is told of the movement shown, `recall`."""
+    """One memory in a tab: its map, its robot, and the movement shown, `recall`, in words and curves."""
 
     def __init__(self, loaded: LoadedMemory) -> None:
         self.loaded = loaded
@@ -67,7 +67,7 @@ class MemoryPanel:
         self.curves = ui.html("", sanitize=False).classes("w-full")  # numbers and fixed names only
 
     def present(self, recall: Recall, digits: int = 3) -> None:
-        """Show a movement that has been made or recognised; its PB is told with so many decimals."""
+        """Show a movement that has been made or recognised; its PB is written with so many decimals."""
         memory = self.loaded.service.memory
         basic = memory.demonstrations.trajectories[recall.nearest]
         self.recall = recall

@@ -274,7 +274,7 @@ class TrainingPanel:
             self.explore = ui.button("Explore this memory", on_click=self._explore).props("dense no-caps")
             self.save = ui.button("Download memory", on_click=self._download).props("dense no-caps outline")
             ui.button("Download CSV", on_click=self._download_csv).props("dense no-caps outline")
-        self.status = ui.label("").classes("cn-said").props("role=status aria-live=polite").mark("training")
+        self.status = ui.label("").classes("cn-training").props("role=status aria-live=polite").mark("training")
         with ui.element("div").classes("cn-learning"):
             self.map = ui.html(grown_map(None), sanitize=False)  # numbers and fixed letters only
             self.loss = ui.html("", sanitize=False)

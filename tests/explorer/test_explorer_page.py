@@ -148,7 +148,7 @@ def test_a_click_is_answered_within_200_ms(visit, server):
                 const start = performance.now();
                 const options = {clientX: x, clientY: y, buttons: 1, bubbles: true, pointerId: 1};
                 map.dispatchEvent(new PointerEvent("pointerdown", options));
-                const map_state = () => robot.movement !== before ? done(performance.now() - start)
+                const look = () => robot.movement !== before ? done(performance.now() - start)
                                                               : requestAnimationFrame(look);
                 look();
             })""",

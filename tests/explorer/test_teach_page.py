@@ -47,7 +47,7 @@ def test_a_slider_turns_the_joint_and_too_fast_is_said_at_once(teach):
     tab.page.wait_for_function(tab.MOVED, arg=before)
     tab.says("LShoulderPitch reaches")
     assert "its motor 7.9; give it" in tab.status
-    assert tab.page.get_by_role("button", name="A left jab - has a fault").count() == 1
+    tab.page.get_by_role("button", name="A left jab - has a fault").wait_for()
     assert tab.page.get_by_role("button", name="Train", exact=True).is_disabled()
     press(tab, "Undo")
     tab.says(FIT)

@@ -7,7 +7,7 @@ const COLOURS = ["#004FE5", "#E97E00", "#009E73", "#8B2F00", "#66D6FF", "#EDD912
 // Distance per posture of each tick's best window from each basic action [rad].
 export function distances(angles, demonstrations, dt) {
   const window = Math.min(Math.max(2, Math.round(WINDOW_S / dt)), angles.length);
-  const found = angles.map(() => demonstrations.map(() => Infinity));
+  const matrix = angles.map(() => demonstrations.map(() => Infinity));
   demonstrations.forEach((action, place) => {
     const cost = angles.map((posture) => action.map((other) => Math.hypot(...posture.map((v, k) => v - other[k]))));
     for (let first = 0; first + window <= angles.length; first++) {
@@ -21,17 +21,17 @@ export function distances(angles, demonstrations, dt) {
         before = now;
       }
       const mean = Math.min(...before) / window;
-      for (let t = first; t < first + window; t++) found[t][place] = Math.min(found[t][place], mean);
+      for (let t = first; t < first + window; t++) matrix[t][place] = Math.min(matrix[t][place], mean);
     }
   });
-  return found;
+  return matrix;
 }
 
 // One action a tick: the sequence whose distances, plus a cost for each change, are smallest.
-export function stretches(found) {
+export function stretches(matrix) {
   const from = [];
-  let total = found[0].slice();
-  for (const row of found.slice(1)) {
+  let total = matrix[0].slice();
+  for (const row of matrix.slice(1)) {
     const best = total.indexOf(Math.min(...total));
     const changes = total.map((value) => total[best] + SWITCH_COST < value);
     from.push(changes.map((change, k) => (change ? best : k)));
@@ -49,15 +49,15 @@ export function stretches(found) {
 
 // The strip and its sentence as HTML; names are those of the page itself.
 export function strip(angles, memory) {
-  const found = distances(angles, memory.demonstrations, memory.dt);
-  const parts = stretches(found);
+  const matrix = distances(angles, memory.demonstrations, memory.dt);
+  const parts = stretches(matrix);
   const last = Math.max(1, angles.length - 1);
   const share = (tick) => (100 * Math.min(Math.max(tick - 0.5, 0), last)) / last;
   const letter = (action) => String.fromCharCode(65 + (action % 26));
   const blocks = parts.map(({ first, end, action }) => {
     const width = (end === angles.length ? 100 : share(end)) - share(first);
     const [r, g, b] = COLOURS[action % COLOURS.length].match(/\w\w/g).map((pair) => parseInt(pair, 16));
-    const shades = found.slice(first, end).map((row) => `rgba(${r},${g},${b},${0.15 + 0.85 * 2 ** (-row[action] / HALF_RAD)})`);
+    const shades = matrix.slice(first, end).map((row) => `rgba(${r},${g},${b},${0.15 + 0.85 * 2 ** (-row[action] / HALF_RAD)})`);
     if (shades.length < 2) shades.push(shades[0]);
     const background = `linear-gradient(90deg,${shades.join(",")})`;
     return `<b style="left:${share(first)}%;width:${width}%;background:${background}">${width >= 4 ? letter(action) : ""}</b>`;

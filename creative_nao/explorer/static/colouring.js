@@ -4,9 +4,9 @@ const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
 
 async function unpacked({ plane, n }) {
   const stream = new Blob([bytes(plane)]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const found = new Uint8Array(await new Response(stream).arrayBuffer());
-  for (let cell = 0; cell < found.length; cell++) if (cell % n) found[cell] += found[cell - 1]; // modulo 256
-  return found;
+  const steps = new Uint8Array(await new Response(stream).arrayBuffer());
+  for (let cell = 0; cell < steps.length; cell++) if (cell % n) steps[cell] += steps[cell - 1]; // modulo 256
+  return steps;
 }
 
 export class Colouring {

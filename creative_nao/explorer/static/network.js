@@ -69,10 +69,10 @@ export class Memory {
       const [a, b] = [points[first], points[Math.min(first + 1, last)]];
       return [0, 1].map((k) => a[k] + (place - first) * (b[k] - a[k]));
     };
-    return this.judge(this.generate(pbAt));
+    return this.evaluate(this.generate(pbAt));
   }
 
-  judge(angles) {
+  evaluate(angles) {
     const distances = this.demonstrations.map((basic) => dtw(angles, basic));
     const novelty = Math.min(...distances);
     const speeds = angles.slice(1).map((row, t) => row.map((value, j) => Math.abs(value - angles[t][j]) / this.dt));

@@ -22,10 +22,10 @@ class Player {
     this.before = performance.now();
     const control = (event) => event.target.closest?.("[data-player]");
     document.addEventListener("click", (event) => {
-      const found = control(event)?.dataset.player;
-      if (found === "play") this.toggle();
-      if (found === "loop") this.looping = !this.looping;
-      if (found === "speed") this.speed = { 1: 0.5, 0.5: 0.25, 0.25: 1 }[this.speed];
+      const action = control(event)?.dataset.player;
+      if (action === "play") this.toggle();
+      if (action === "loop") this.looping = !this.looping;
+      if (action === "speed") this.speed = { 1: 0.5, 0.5: 0.25, 0.25: 1 }[this.speed];
     });
     document.addEventListener("input", (event) => {
       if (control(event)?.dataset.player !== "scrub") return;
@@ -71,17 +71,17 @@ class Player {
   show() {
     const share = this.duration ? this.time / this.duration : 0;
     document.documentElement.style.setProperty("--robot-t", share);
-    for (const found of document.querySelectorAll("[data-player]")) {
-      const kind = found.dataset.player;
-      if (kind === "scrub" && document.activeElement !== found) found.value = Math.round(1000 * share);
-      if (kind === "scrub" && document.activeElement === found && this.playing) found.value = Math.round(1000 * share);
+    for (const element of document.querySelectorAll("[data-player]")) {
+      const kind = element.dataset.player;
+      if (kind === "scrub" && document.activeElement !== element) element.value = Math.round(1000 * share);
+      if (kind === "scrub" && document.activeElement === element && this.playing) element.value = Math.round(1000 * share);
       const text = {
         clock: `${this.time.toFixed(2)} of ${this.duration.toFixed(2)} s`,
         play: this.playing ? "Pause" : "Play",
         loop: this.looping ? "Loop: on" : "Loop: off",
         speed: `Speed: ${this.speed}`,
       }[kind];
-      const label = found.querySelector(".block") ?? found;
+      const label = element.querySelector(".block") ?? element;
       if (text && label.textContent !== text) label.textContent = text;
     }
   }
