@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 # matplotlib takes a fifth of a second to import, so only what draws does it.
 
 BLUE, ORANGE, GREEN, BROWN, SKY, YELLOW = "#004FE5", "#E97E00", "#009E73", "#8B2F00", "#66D6FF", "#EDD912"
-BASIC_ACTIONS = (BLUE, ORANGE, GREEN, BROWN, SKY, YELLOW)
-"""Of the basic actions, in their order; with more than six they begin again."""
+BASIC_ACTIONS = (BLUE, ORANGE, GREEN, BROWN, SKY, YELLOW)  # in their order; with more than six they begin again
 FLUCTUATING = "#4B0082"
 NON_MOVING = "#CD94B5"
 UNUSABLE: dict[str, tuple[str, str]] = {
@@ -92,9 +91,9 @@ STYLE: dict[Any, Any] = {
 }
 """Of matplotlib's settings; `styled` makes them hold."""
 DPI = 150
+# Colours of a PNG, which is a quarter of the size of one with all. They are chosen by octree: cutting at medians saves
+# less and merges a rare colour, such as that of non-moving points, with a frequent one.
 N_COLOURS = 256
-"""Colours of a PNG, which is a quarter of the size of one with all. They are chosen by octree: cutting at medians saves
-less and merges a rare colour, such as that of non-moving points, with a frequent one."""
 
 
 def styled() -> AbstractContextManager[None]:

@@ -1,6 +1,6 @@
-"""The grid over a two-dimensional PB space, what every map over it has, and the shape of a map in numbers.
+"""The grid over a two-dimensional PB space, what every map over it has, and its landscape: its shape in numbers.
 
-The landscape is the shape of a map in numbers. Two readings are kept apart, since they answer different questions. A
+Two readings are kept apart, since they answer different questions. A
 *learned region* is made of cells where a basic action comes back (outcome `learned`). A *nearest region* is made of
 appropriate cells whose nearest basic action is the same, learned or not: the coloured areas of Fig. 4. Cells that
 cannot be used belong to neither.

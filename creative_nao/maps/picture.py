@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
-
-NEAREST = "nearest"
-"""The colouring of the paper's Fig. 4, which is no number: nearest basic action, strong where it is similar."""
+NEAREST = "nearest"  # the colouring of the paper's Fig. 4, no number: nearest basic action, strong where it is similar
 
 
 class Colouring(NamedTuple):
@@ -109,11 +107,8 @@ def colour_values(pb_map: GridMap, colour: str | ArrayLike) -> tuple[np.ndarray,
     return values, ""
 
 
-HALF_DISTANCE = 10.0
-"""DTW distance at which half of the similarity is left [rad]: the paper's threshold of the learned actions."""
-
-MEASURE_COLOURS = "YlGn"
-"""Scale of a measure, from pale to dark in grey too; its dark end is not taken for the purple of what fluctuates."""
+HALF_DISTANCE = 10.0  # at which half of the similarity is left [rad]: the paper's threshold of the learned actions
+MEASURE_COLOURS = "YlGn"  # from pale to dark in grey too; its dark end is not taken for the purple of what fluctuates
 
 
 def map_image(pb_map: GridMap) -> np.ndarray:

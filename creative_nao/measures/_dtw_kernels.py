@@ -31,8 +31,8 @@ STEP = 16  # lanes go in steps of one 512-bit register of float32
 PAIRS = 32  # pairs side by side: both members and two rows of the dynamic programme stay in a fast cache
 BLOCK = 8  # joints handled by one expression; the caller pads with zeros, which change no distance
 BORDER = 1e30  # where no path may come from. Infinity is never used
+# Whether this machine has fused multiply-add; where it has not, a product and a sum are rounded one by one.
 FUSES = bool(llvm.get_host_cpu_features().get("fma", not llvm.get_default_triple().startswith(("x86", "i"))))
-"""Whether this machine has the instruction; where it has not, a product and a sum are rounded one by one."""
 
 
 def compiled(**options: Any) -> Any:

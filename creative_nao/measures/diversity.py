@@ -23,8 +23,7 @@ from creative_nao.measures.outcome import (
 from creative_nao.schema import Count, Positive, checked
 
 N_SAMPLES = N_DRAWS = 30  # actions in a sample, and samples drawn, as in the paper
-LENGTH_SCALE_RAD = 10.0
-"""Distance at which two actions are alike to 1/e: the threshold up to which an action counts as learned [rad]."""
+LENGTH_SCALE_RAD = 10.0  # distance at which actions are alike to 1/e: the threshold of learned actions [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,10 +233,8 @@ def farthest_points(
     n_actions = checked(Count, n_actions, "n_actions")
     check_basic_actions(demos)
     candidates = np.flatnonzero(_allowed(trajectories, demos, criteria, appropriate))
-    if isinstance(trajectories, np.ndarray):
-        pool: Trajectories = trajectories[candidates]
-    else:
-        pool = [np.asarray(trajectories[k]) for k in candidates.tolist()]
+    is_array = isinstance(trajectories, np.ndarray)
+    pool = trajectories[candidates] if is_array else [np.asarray(trajectories[k]) for k in candidates.tolist()]
     scale = reward_scale(demos)
     known = list(demos.trajectories)
     chosen: list[int] = []

@@ -70,8 +70,7 @@ class Criteria:
 PAPER_CRITERIA = Criteria()
 """The default everywhere."""
 
-SPEED_TOLERANCE = 1.0 + 1e-12
-"""Factor on a speed limit: the fastest basic action at factor 1 must pass, whatever the last bit of a division says."""
+SPEED_TOLERANCE = 1.0 + 1e-12  # factor on a limit: the fastest basic action at factor 1 passes, whatever the last bit
 
 
 def outcome_codes(

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from creative_nao.model.config import NetworkSettings
+from creative_nao.model.config import NetworkSettings, TrainingState
 from creative_nao.model.matmul import PANEL, Packing, aligned, multiply_panel, multiply_panels
 from creative_nao.model.simd import (
     F,
@@ -37,16 +37,13 @@ from creative_nao.model.simd import (
 
 # pyright: reportOperatorIssue=false, reportCallIssue=false, reportArgumentType=false
 
-
-ROWS_AT_ONCE = 96
-"""Rows of z and da that the gradient of the weights takes in one go: what they touch stays in the nearest cache."""
+ROWS_AT_ONCE = 96  # of z and da in the weight gradient: what they touch stays in the nearest cache
 
 
 class Workspace(NamedTuple):
     """Arrays of an engine, all flat float32; rows are `layout.row` apart unless said."""
 
-    target: np.ndarray
-    """Target codes, rows of `n_codes`, zero past an action's end: these ticks add nothing to the loss."""
+    target: np.ndarray  # target codes, rows of `n_codes`, zero past an action's end: they add nothing to the loss
     weight: np.ndarray  # sum of the target code of each joint, rows of `n_joints`: 1, or 0 past the end
     entropy: np.ndarray  # sum of target log target of each joint, rows of `n_joints`
     rate: np.ndarray  # 1 / time constant of each column
@@ -324,35 +321,27 @@ class CompiledNetwork:
         return loss, self._packing.unpack(self._work.gradient, np.zeros_like(vector))
 
     def run_epochs(
-        self,
-        vectors: list[np.ndarray],
-        ratios: np.ndarray,
-        allowed: np.ndarray,
-        epoch: int,
-        best_loss: float,
-        learning_rate: float,
+        self, state: TrainingState, ratios: np.ndarray, allowed: np.ndarray, learning_rate: float
     ) -> tuple[list[np.ndarray], np.ndarray, int]:
         """Train for one epoch per ratio, or until the loss is not finite.
 
         Args:
-            vectors: Parameters, first and second moment of Adam, best parameters so far; flat float32.
+            state: Where training stands; it is not changed.
             ratios: Closed-loop ratio of each epoch.
             allowed: Whether each epoch may be the best, bool.
-            epoch: Epochs done before.
-            best_loss: Lowest loss before.
             learning_rate: Step size of Adam.
 
         Returns:
-            The four vectors afterwards, the losses of the epochs done, and which of these is the best, counted from 1
-            (0: none is better than before).
+            The four vectors of a state afterwards, the losses of the epochs done, and which of these is the best,
+            counted from 1 (0: none is better than before).
         """
-        packed = [self._packing.pack(vector) for vector in vectors]
+        packed = [self._packing.pack(vector) for vector in state.vectors]
         losses = np.empty(len(ratios))
         n_done, best_epoch = run_epochs(
             self.layout, self._work, *packed, np.ascontiguousarray(ratios, np.float32), allowed, losses,
-            epoch, float(best_loss), float(learning_rate),
+            state.epoch, float(state.best_loss), float(learning_rate),
         )  # fmt: skip
-        new = [self._packing.unpack(p, vector) for p, vector in zip(packed, vectors, strict=True)]
+        new = [self._packing.unpack(p, vector) for p, vector in zip(packed, state.vectors, strict=True)]
         return new, losses[:n_done], best_epoch
 
 

@@ -1,10 +1,12 @@
-"""Settings of the network and of its training, the learnable numbers of a network, and the closed-loop ratio of Eq. 5.
+"""Settings of the network and of its training, its learnable numbers, the state of training, and the ratio of Eq. 5.
 
 The defaults are the paper's, or the choices of docs/decisions.md.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -151,6 +153,38 @@ def initial_vector(settings: NetworkSettings, n_codes: int, n_actions: int, seed
         settings.pb_weight_scale * rng.standard_normal(parameters["w_pb"].shape) / np.sqrt(settings.n_pb)
     )
     return vector
+
+
+VECTORS = ("vector", "first_moment", "second_moment", "best_vector")
+
+
+@dataclasses.dataclass
+class TrainingState:
+    """Everything that decides how training goes on: saved in a checkpoint, a resumed run gives the same bits."""
+
+    vector: np.ndarray  # parameters, (n_parameters,) float32
+    first_moment: np.ndarray  # Adam's running mean of the gradient
+    second_moment: np.ndarray  # Adam's running mean of the squared gradient
+    best_vector: np.ndarray  # parameters of the epoch with the lowest loss so far
+    loss_history: np.ndarray  # loss of each epoch done (Eq. 4, summed over actions), (epoch,) float64
+    best_loss: float = math.inf
+    best_epoch: int = 0
+
+    @property
+    def epoch(self) -> int:
+        """Number of epochs done."""
+        return len(self.loss_history)
+
+    @property
+    def vectors(self) -> list[np.ndarray]:
+        """The four vectors in the order of `VECTORS`."""
+        return [getattr(self, name) for name in VECTORS]
+
+    @classmethod
+    def initial(cls, settings: NetworkSettings, n_codes: int, n_actions: int, seed: int) -> TrainingState:
+        """Return the state before the first epoch."""
+        vector = initial_vector(settings, n_codes, n_actions, seed)
+        return cls(vector, np.zeros_like(vector), np.zeros_like(vector), vector.copy(), np.zeros(0))
 
 
 _STREAM = 1  # keeps the draws of the ratio apart from those of the initial weights, which use the same seed

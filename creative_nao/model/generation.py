@@ -44,19 +44,12 @@ class Weights(NamedTuple):
 
 @dataclass(eq=False)
 class Rollout:
-    """The state of n movements that are generated a few ticks at a time.
+    """The state of n movements that are generated a few ticks at a time."""
 
-    Attributes:
-        tick: Postures generated so far.
-        code: What the network reads next: the code of its last prediction, (n, n_codes) float32.
-        state: Internal states u of all hidden units, (n, n_hidden) float32.
-        activity: Their activations y = tanh(u), the layers P_F, P_M, P_S one after the other, (n, n_hidden) float32.
-    """
-
-    tick: int
-    code: np.ndarray
-    state: np.ndarray
-    activity: np.ndarray
+    tick: int  # postures generated so far
+    code: np.ndarray  # what the network reads next: the code of its last prediction, (n, n_codes) float32
+    state: np.ndarray  # internal states u of all hidden units, (n, n_hidden) float32
+    activity: np.ndarray  # y = tanh(u) of the layers P_F, P_M, P_S one after the other, (n, n_hidden) float32
 
     def __len__(self) -> int:
         return len(self.code)

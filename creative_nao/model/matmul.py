@@ -34,8 +34,7 @@ def _has_512_bit_registers() -> bool:
 
 N_LANES = 16 if _has_512_bit_registers() else 8
 PANEL = 2 * N_LANES  # columns of a tile: two registers
-TALLEST = 8 if N_LANES == 16 else 6
-"""Most rows of a tile: with two registers a row they, a row of b and one number of a fill the registers."""
+TALLEST = 8 if N_LANES == 16 else 6  # most rows of a tile: they, a row of b and a number of a fill the registers
 
 
 @intrinsic
@@ -57,14 +56,11 @@ def _multiply_tile(
             for argument, kind in zip(arguments, kinds, strict=True)
         )
 
-        def times(stride, i):
-            return builder.mul(stride, ir.Constant(word, i))
-
         def address(matrix, row_stride, i):
             base = element_pointer(
                 context, builder, kinds[matrix], arguments[matrix], kinds[matrix + 1], arguments[matrix + 1]
             )
-            return builder.gep(base, [times(row_stride, i)])
+            return builder.gep(base, [builder.mul(row_stride, ir.Constant(word, i))])
 
         def registers(pointer):
             for half in range(2):
@@ -172,8 +168,7 @@ class Layout(NamedTuple):
     n_codes: int  # columns of P_I and P_O: n_joints times softmax units; the hidden units begin at `first_hidden`
     first_hidden: int
     width: int  # columns, a multiple of `PANEL`
-    row: int
-    """Distance between two rows: an odd number of cache lines, so that a column of numbers spreads over the cache."""
+    row: int  # distance between two rows: an odd number of cache lines, so that a column spreads over the cache
     n_pb: int
     low: np.ndarray  # first presynaptic unit of each panel, int64
     high: np.ndarray  # end of the presynaptic units of each panel

@@ -30,8 +30,7 @@ from creative_nao.schema import Count, Index, JsonObject, Names, Seed, Version1,
 KIND = "memory"
 IN_HEADER = ("network", "training", "loss_every", "best_epoch", "best_loss", "record")  # fields of `Memory` as they are
 MAX_CURVE_POINTS = 5000  # a memory keeps at most this many points of its learning curve; a checkpoint keeps all
-MAX_WEIGHT = 1e6
-"""Largest weight of a memory file; the largest of the shipped bank is 34. Beyond 1e30 sums would overflow."""
+MAX_WEIGHT = 1e6  # largest in a memory file; the largest of the shipped bank is 34. Beyond 1e30 sums would overflow
 PREVIEW_RESOLUTION = 40  # points on each side of the map that a notebook shows
 
 
@@ -260,9 +259,8 @@ class Memory:
         path = checked_path(path)
         values, tensors = load_tensors(path, kind=KIND)
         header = parse(MemoryHeader, values, f"{path}: header")
-        n_codes = len(header.joints) * header.network.n_softmax_units
-        shapes = parameter_shapes(header.network, n_codes, len(header.actions))
         parts = [f"demonstration/{place}" for place in range(len(header.actions))]
+        shapes = parameter_shapes(header.network, len(header.joints) * header.network.n_softmax_units, len(parts))
         only_arrays(path, tensors, [*parts, *(f"parameter/{key}" for key in shapes), "loss_history"])
         return cls(
             parameters={

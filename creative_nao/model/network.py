@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from creative_nao.model.config import (
     NetworkSettings,
+    TrainingState,
     initial_vector,
     layer_time_constants,
     neighbour_mask,
@@ -107,22 +108,16 @@ class ReferenceTraining:
         self._target, self._lengths = torch.from_numpy(codes), torch.from_numpy(lengths)
 
     def run_epochs(
-        self,
-        vectors: list[np.ndarray],
-        ratios: np.ndarray,
-        allowed: np.ndarray,
-        epoch: int,
-        best_loss: float,
-        learning_rate: float,
+        self, state: TrainingState, ratios: np.ndarray, allowed: np.ndarray, learning_rate: float
     ) -> tuple[list[np.ndarray], np.ndarray, int]:
         """Train for one epoch per ratio, or until the loss is not finite; see `CompiledNetwork.run_epochs`."""
-        vector, first, second, best = vectors
-        net, shapes = self._net, self._net.shapes
+        vector, first, second, best = state.vectors
+        best_loss, net, shapes = state.best_loss, self._net, self._net.shapes
         net.load_parameter_vector(vector)
         adam = torch.optim.Adam(net.parameters(), lr=learning_rate, betas=(0.9, 0.999), eps=1e-8)
         for name in shapes:  # nothing is kept between calls, so that a checkpoint holds all there is
             adam.state[getattr(net, name)] = {
-                "step": torch.tensor(float(epoch)),
+                "step": torch.tensor(float(state.epoch)),
                 "exp_avg": torch.from_numpy(views(first, shapes)[name].copy()),
                 "exp_avg_sq": torch.from_numpy(views(second, shapes)[name].copy()),
             }

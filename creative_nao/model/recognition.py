@@ -25,9 +25,9 @@ DAMPING = 0.01  # Marquardt's factor at the start; a good step divides it by 5, 
 GIVE_UP_DAMPING = 1e4
 SMALLEST_STEP = 1e-6
 SMALLEST_GAIN = 1e-3  # a descent ends when a step lowers its error by less than this share
+# Weight of a squared initial state beside the mean squared angle error [rad^2]: a state of 1 must explain more than
+# this, so that noise is not explained by states that nothing else asks for.
 STATE_PENALTY = 1e-5
-"""Weight of a squared initial state beside the mean squared angle error [rad^2]: a state of 1 must explain more than
-this, so that noise is not explained by states that nothing else asks for."""
 
 N_SCREEN = 4096  # points of the even cover: as dense as a grid of 64 x 64 when there are two PB units
 FIRST_HORIZON = 8  # ticks of the shortest beginning that is fitted
@@ -35,8 +35,7 @@ N_HORIZONS = 7
 ITERATIONS, LAST_ITERATIONS = 6, 20  # of each descent at one length, and at the full length
 SAME_POINT = 1e-4  # descents closer than this in every PB value have met
 SCREEN_TICKS = 4096 * 50  # ticks generated at a time, so that a long recording needs no more memory than a short one
-WARPING_CELLS = 4e7
-"""Pairs of postures spent on looking for starts by the warping distance, and again in the local search."""
+WARPING_CELLS = 4e7  # pairs of postures spent on finding starts by the warping distance, and in the local search
 N_POLISHED = 6
 POLISH_RADII = 0.02 * 0.5 ** np.arange(8)  # standard deviation of the trial steps of the local search, round by round
 N_TRIALS = 16

@@ -20,12 +20,13 @@ from creative_nao.demonstrations.files import checked_path
 from creative_nao.errors import FileFormatError, SettingsError, TrainingError, shown
 from creative_nao.measures import Criteria, dtw
 from creative_nao.model.config import (
+    VECTORS,
     NetworkSettings,
     TrainingSettings,
+    TrainingState,
     candidates,
     check_kind,
     closed_loop_ratios,
-    initial_vector,
     n_parameters,
     parameter_shapes,
     views,
@@ -35,35 +36,6 @@ from creative_nao.model.memory import MAX_CURVE_POINTS, Memory
 from creative_nao.runtime import record as provenance
 from creative_nao.runtime import usable_cores
 from creative_nao.schema import Count, Index, Sha256, checked, dump, parse, record
-
-
-@dataclasses.dataclass
-class TrainingState:
-    """Everything that decides how training goes on: saved in a checkpoint, a resumed run gives the same bits."""
-
-    vector: np.ndarray
-    """Parameters, (n_parameters,) float32."""
-    first_moment: np.ndarray
-    """Adam's running mean of the gradient."""
-    second_moment: np.ndarray
-    """Adam's running mean of the squared gradient."""
-    best_vector: np.ndarray
-    """Parameters of the epoch with the lowest loss so far."""
-    loss_history: np.ndarray
-    """Loss of each epoch done (Eq. 4, summed over actions), (epoch,) float64."""
-    best_loss: float = math.inf
-    best_epoch: int = 0
-
-    @property
-    def epoch(self) -> int:
-        """Number of epochs done."""
-        return len(self.loss_history)
-
-    @classmethod
-    def initial(cls, settings: NetworkSettings, n_codes: int, n_actions: int, seed: int) -> TrainingState:
-        """Return the state before the first epoch."""
-        vector = initial_vector(settings, n_codes, n_actions, seed)
-        return cls(vector, np.zeros_like(vector), np.zeros_like(vector), vector.copy(), np.zeros(0))
 
 
 def make_engine(
@@ -85,9 +57,7 @@ def make_engine(
 
     def advance(state: TrainingState, ratios: np.ndarray) -> None:
         done = state.epoch
-        vectors = [getattr(state, name) for name in VECTORS]
-        allowed = candidates(training, ratios)
-        vectors, losses, best = run_epochs(vectors, ratios, allowed, done, state.best_loss, training.learning_rate)
+        vectors, losses, best = run_epochs(state, ratios, candidates(training, ratios), training.learning_rate)
         for name, vector in zip(VECTORS, vectors, strict=True):
             setattr(state, name, vector)
         if best:
@@ -95,8 +65,7 @@ def make_engine(
         state.loss_history = np.concatenate([state.loss_history, losses])
         if len(losses) < len(ratios):
             raise TrainingError(
-                f"the loss is no longer finite at epoch {state.epoch + 1} "
-                f"(learning rate {training.learning_rate}); "
+                f"the loss is no longer finite at epoch {state.epoch + 1} (learning rate {training.learning_rate}); "
                 f"the best epoch so far is {state.best_epoch} with loss {state.best_loss:.4g}"
             )
 
@@ -104,7 +73,6 @@ def make_engine(
 
 
 KIND = "checkpoint"
-VECTORS = ("vector", "first_moment", "second_moment", "best_vector")
 
 
 @record
@@ -260,8 +228,7 @@ def memory_at(
     command: str | None = None,
 ) -> Memory:
     """Return the memory of a training that ends in this state, with the best epoch so far."""
-    n_codes = demonstrations.n_joints * network.n_softmax_units
-    shapes = parameter_shapes(network, n_codes, demonstrations.n_actions)
+    shapes = parameter_shapes(network, demonstrations.n_joints * network.n_softmax_units, demonstrations.n_actions)
     every = -(-state.epoch // MAX_CURVE_POINTS)
     return Memory(
         network=network,
@@ -419,10 +386,6 @@ def train(
         SettingsError: If a setting is unknown or out of range.
         TrainingError: If a loss is no longer finite.
     """
-    known = {field.name for field in dataclasses.fields(TrainingSettings)} - {"seed"}
-    unknown = sorted(set(settings) - known)
-    if unknown:
-        raise SettingsError(f"`{unknown[0]}` is no setting of training; there are {', '.join(sorted(known))}")
     if seeds is None:
         return train_network(demonstrations, TrainingSettings(seed=seed, **settings), network, progress=progress)
     if not isinstance(seeds, Iterable):
