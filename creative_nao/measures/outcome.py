@@ -166,18 +166,12 @@ def check_same_joints(trajectories: Trajectories, demos: BasicActions) -> None:
     """Refuse trajectories that are not finite arrays of the basic actions' joints: the ShapeError tells where."""
     check_basic_actions(demos)
     n_joints = demos.trajectories[0].shape[1]
-    n = count_trajectories(trajectories)
-    if isinstance(trajectories, np.ndarray) and trajectories.ndim == 3:
-        shapes = [trajectories.shape[1:]] if n else []
-    else:
-        shapes = [as_numbers(one, f"trajectories[{place}]").shape for place, one in enumerate(trajectories)]
-    for place, shape in enumerate(shapes):
-        if len(shape) != 2 or shape[1] != n_joints or shape[0] < 1:
-            raise ShapeError(
-                f"`trajectories[{place}]` should have shape (n_steps, {n_joints}), the joints of the basic actions, "
-                f"but has {tuple(shape)}."
-            )
     for start, block in _blocks(trajectories):
+        if block.ndim != 3 or block.shape[2] != n_joints or block.shape[1] < 1:
+            raise ShapeError(
+                f"`trajectories[{start}]` should have shape (n_steps, {n_joints}), the joints of the basic actions, "
+                f"but has {block.shape[1:]}."
+            )
         if not np.isfinite(block).all():
             place, step, joint = np.argwhere(~np.isfinite(block))[0]
             raise ShapeError(f"`trajectories[{start + place}]` is not finite at step {step}, joint {joint}.")
