@@ -243,8 +243,11 @@ class OracleAgent(MovementAgent[OracleSettings]):
                 f"agent `{self.name}` maps the memory first: `context.memory` should generate movements, but is "
                 f"{type(context.memory).__name__}"
             )
-        self._plan = self._plan_of(context.memory)
-        self._place = 0
+        last = OracleAgent._last_plan
+        if last is None or last[0]() is not context.memory or last[1] != self.settings:
+            plan = self._chosen(context.memory, self.settings.n_planned)
+            OracleAgent._last_plan = last = (weakref.ref(context.memory), self.settings, plan)
+        self._plan, self._place = last[2], 0
 
     def next_pb(self) -> np.ndarray:
         """Return the next choice of the plan, shape (2,)."""
@@ -253,14 +256,6 @@ class OracleAgent(MovementAgent[OracleSettings]):
         pb = self._plan[min(self._place, len(self._plan) - 1)]
         self._place += 1
         return pb
-
-    def _plan_of(self, memory: Any) -> np.ndarray:
-        last = OracleAgent._last_plan
-        if last is not None and last[0]() is memory and last[1] == self.settings:
-            return last[2]
-        plan = self._chosen(memory, self.settings.n_planned)
-        OracleAgent._last_plan = (weakref.ref(memory), self.settings, plan)
-        return plan
 
     def _chosen(self, memory: Any, n_actions: int) -> np.ndarray:
         """Return the first `n_actions` greedy choices; those of a shorter plan are their beginning."""

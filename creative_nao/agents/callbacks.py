@@ -115,7 +115,7 @@ class TrainingCallback(EpisodeRecorder):
         self.model = model
         self._evaluate_if_due(last=True)
         if self._n_saved < model.num_timesteps:
-            self._save(capture(model) if self._checkpoint is not None else None)
+            self._save()
         if self._logs is not None:
             write_record(self._logs, self.record)
         best = self.record.best_weights
@@ -129,7 +129,7 @@ class TrainingCallback(EpisodeRecorder):
             restore_random(self.model, self._state)
             self._just_restored = False
         elif self._stop.is_set():
-            self._leave(capture(self.model) if self._checkpoint is not None else None)
+            self._leave()
         self._evaluate_if_due()
         n_done = self.model.num_timesteps
         if self._progress is not None:
@@ -149,13 +149,13 @@ class TrainingCallback(EpisodeRecorder):
             self._leave(self._rollout_start)
         return super()._on_step()
 
-    def _leave(self, state: ResumeState | None) -> None:
+    def _leave(self, state: ResumeState | None = None) -> None:
         self._save(state)
         raise KeyboardInterrupt
 
-    def _save(self, state: ResumeState | None) -> None:
-        if self._checkpoint is not None and state is not None:
-            save_checkpoint(self._checkpoint, self._plan.as_json(), self.record, state)
+    def _save(self, state: ResumeState | None = None) -> None:
+        if self._checkpoint is not None:
+            save_checkpoint(self._checkpoint, self._plan.as_json(), self.record, state or capture(self.model))
 
     def _evaluate_if_due(self, last: bool = False) -> None:
         n_done, interval = self.model.num_timesteps, self._plan.evaluation_interval

@@ -299,18 +299,13 @@ class CellSACPolicy(SACPolicy):
 
     def make_actor(self, features_extractor: Any = None) -> CellActor:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return an untrained actor."""
-        return CellActor(*self._spaces, self.width, self.n_layers).to(self.device)
+        spaces: Any = self.observation_space, self.action_space
+        return CellActor(*spaces, self.width, self.n_layers).to(self.device)
 
     def make_critic(self, features_extractor: Any = None) -> CellCritic:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return untrained critics."""
-        n_critics = self.critic_kwargs["n_critics"]
-        return CellCritic(*self._spaces, self.width, self.n_layers, n_critics).to(self.device)
-
-    @property
-    def _spaces(self) -> tuple[Box, Box]:
-        assert isinstance(self.observation_space, Box)
-        assert isinstance(self.action_space, Box)
-        return self.observation_space, self.action_space
+        spaces: Any = self.observation_space, self.action_space
+        return CellCritic(*spaces, self.width, self.n_layers, self.critic_kwargs["n_critics"]).to(self.device)
 
 
 class FlippedSwappedAxes(VecEnvWrapper):

@@ -121,8 +121,8 @@ COMMANDS = {
     "explore": ("explore", "ExploreSettings", "touch a memory in the browser and watch the robot do what is there"),
     "evaluate": ("evaluate", "EvaluateSettings", "compare agents on a suite; ends with a table and a report"),
     "evaluate paper": ("evaluate_paper", "PaperOptions", "reproduce the paper, claim by claim"),
-    "evaluate verify": ("evaluate_results", "VerifySettings", "play episodes of a result file again"),
-    "evaluate leaderboard": ("evaluate_results", "LeaderboardSettings", "compare finished runs"),
+    "evaluate verify": ("evaluate", "VerifySettings", "play episodes of a result file again"),
+    "evaluate leaderboard": ("evaluate", "LeaderboardSettings", "compare finished runs"),
     "memories": ("memories", "MemoriesSettings", "list the shipped memories"),
     "doctor": ("doctor", "DoctorSettings", "say what this machine can do"),
 }

@@ -1,4 +1,4 @@
-"""`creative-nao evaluate SUITE`: compare agents; ends with a table and a report."""
+"""`creative-nao evaluate SUITE`, `evaluate verify` and `evaluate leaderboard`: compare agents, check results."""
 
 from __future__ import annotations
 
@@ -17,16 +17,20 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from creative_nao.cli.terminal import Display
+from creative_nao.cli.terminal import Display, print_result
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
-from creative_nao.evaluation.pages import terminal_table
+from creative_nao.evaluation.leaderboard import leaderboard, with_record
+from creative_nao.evaluation.pages import env_label, terminal_table
 from creative_nao.evaluation.run import evaluate
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, check_agent, find_suite
+from creative_nao.evaluation.verification import TOLERANCE, Verification, verify
 from creative_nao.schema import Count, Seed, checked
 
 INTERRUPTED = 130
+DOES_NOT_HOLD = 1
+"""Exit code of `verify` for a file whose figures are not repeated."""
 FILES = {"report.html": "report", "results.json": "results", "episodes.csv": "every action", "run.json": "record"}
 
 
@@ -70,12 +74,59 @@ class EvaluateSettings(JobOptions):
     suite."""
 
 
-def run(settings: EvaluateSettings) -> int:
-    """Evaluate and return the exit code: 0, or 130 after Ctrl-C.
+@dataclass(frozen=True)
+class LeaderboardSettings:
+    """Compare finished runs: write the leaderboard to stdout, as Markdown."""
+
+    runs: tyro.conf.Positional[tuple[Path, ...]] = ()
+    """Finished run folders."""
+
+    def run(self) -> int:
+        """Write the leaderboard to stdout and return the exit code."""
+        if not self.runs:
+            raise SettingsError("leaderboard: name run folders, as in `creative-nao evaluate leaderboard runs/mine`")
+        sys.stdout.write(leaderboard({str(folder / "results.json"): with_record(folder) for folder in self.runs}))
+        return 0
+
+
+@dataclass(frozen=True)
+class VerifySettings(JobOptions):
+    """Play episodes of a result file again and say whether its figures hold; the exit code is 1 if they do not."""
+
+    file: tyro.conf.Positional[Path]
+    """Result file, or the run folder that holds it."""
+    sample: int = 6
+    """Episodes to play again, spread over the file; 0: all."""
+    row: int | None = None
+    """Only this row of the file, counted from 1; default: all."""
+
+    def run(self) -> int:
+        """Play the episodes again; return 0 if the file holds, 1 if not."""
+        path = self.file / "results.json" if self.file.is_dir() else self.file
+        with job_display() as show:
+            verification = verify(
+                path, trusted=self.trust, n_sample=self.sample, row=self.row, executor=executor_for(self),
+                on_progress=show,
+            )  # fmt: skip
+        figures = {
+            "holds": verification.holds,
+            "exact": verification.exact,
+            **dataclasses.asdict(verification),
+        }
+        if not self.json:
+            (Console() if sys.stdout.isatty() else Console(width=140)).print(_table(verification, path))
+        print_result(figures, _lines(verification, path), as_json=self.json)
+        return 0 if verification.holds else DOES_NOT_HOLD
+
+
+def run(settings: EvaluateSettings | VerifySettings | LeaderboardSettings) -> int:
+    """Run the command chosen and return the exit code: 0, 1 where a file does not hold, or 130 after Ctrl-C.
 
     Raises:
         CreativeNaoError: If the user made a mistake, or a job failed at every attempt.
     """
+    if not isinstance(settings, EvaluateSettings):
+        return settings.run()
     if settings.suite not in SUITE_NAMES and not settings.suite.endswith(SUFFIX):
         raise NotFoundError(
             f"no suite `{settings.suite}`{nearest_name(settings.suite, SUITE_NAMES)}; there are: "
@@ -188,3 +239,21 @@ def _command(settings: EvaluateSettings) -> str:
         if (value := getattr(settings, name)) is not None:
             words += [f"--{name}", str(value)]
     return shlex.join(words)
+
+
+def _table(verification: Verification, path: Path) -> Table:
+    table = Table("agent", "environment", "memory", title=f"Played again from {path}")
+    for title in ("seed", "published", "found", "holds"):
+        table.add_column(title, justify="right")
+    for check in verification.checks:
+        figures = (f"{check.published:.6f}", f"{check.found:.6f}", "yes" if check.holds else "NO")
+        table.add_row(check.agent, env_label(check.env), check.memory, str(check.seed), *figures)
+    return table
+
+
+def _lines(verification: Verification, path: Path) -> Iterator[str]:
+    yield from (*verification.differences, *verification.contradictions)
+    n_bad = sum(not check.holds for check in verification.checks) + len(verification.contradictions)
+    exact = "to the bit" if verification.exact else f"within {TOLERANCE:.0%}, for not everything is as it was"
+    verdict = f"holds {exact}" if verification.holds else f"does NOT hold: {n_bad} of its figures are not repeated"
+    yield f"{len(verification.checks)} episodes played again: {path} {verdict}"

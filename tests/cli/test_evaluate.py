@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from creative_nao.cli import evaluate as command
-from creative_nao.cli import evaluate_results, terminal
+from creative_nao.cli import terminal
 from creative_nao.errors import NotFoundError, SettingsError
 from creative_nao.evaluation.run import Evaluation
 from creative_nao.evaluation.runner import Progress
@@ -157,14 +157,14 @@ def verification(holds):
 
 @pytest.mark.parametrize(("holds", "code", "said"), [(True, 0, "holds to the bit"), (False, 1, "does NOT hold: 2 of")])
 def test_verify_says_whether_a_file_holds_by_its_exit_code_too(monkeypatch, capsys, holds, code, said):
-    monkeypatch.setattr(evaluate_results, "verify", lambda *_, **__: verification(holds))
-    settings = evaluate_results.VerifySettings(Path("results.json"))
-    assert evaluate_results.run(settings) == code
+    monkeypatch.setattr(command, "verify", lambda *_, **__: verification(holds))
+    settings = command.VerifySettings(Path("results.json"))
+    assert command.run(settings) == code
     assert said in capsys.readouterr().out
-    assert evaluate_results.run(dataclasses.replace(settings, json=True)) == code
+    assert command.run(dataclasses.replace(settings, json=True)) == code
     assert json.loads(capsys.readouterr().out)["holds"] is holds
 
 
 def test_a_leaderboard_of_nothing_is_refused():
     with pytest.raises(SettingsError, match="leaderboard: name run folders"):
-        evaluate_results.run(evaluate_results.LeaderboardSettings())
+        command.run(command.LeaderboardSettings())
