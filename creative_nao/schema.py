@@ -43,8 +43,8 @@ from creative_nao.storage import MAX_DIGITS, MAX_TEXT_BYTES, as_json, as_text, j
 
 __all__ = [
     "AfterValidator", "Count", "Field", "Index", "JsonObject", "LongText", "Name", "Names", "NonNegative", "PlainName",
-    "Positive", "Seed", "Sha256", "Text", "UnitInterval", "Version1", "Versions", "checked", "dump", "load_json",
-    "parse", "record", "save_json",
+    "Positive", "Seed", "Sha256", "Text", "UnitInterval", "Version1", "Versions", "checked", "checked_path", "dump",
+    "load_json", "parse", "record", "save_json",
 ]  # fmt: skip
 
 T = TypeVar("T")
@@ -195,6 +195,11 @@ def checked(kind: Any, value: Any, name: str) -> Any:
 def dump(instance: Any) -> dict[str, Any]:
     """Return a record as plain values that JSON, TOML and YAML can hold; tuples become lists."""
     return type(instance).__pydantic_serializer__.to_python(instance, mode="json")
+
+
+def checked_path(path: str | os.PathLike[str], name: str = "path") -> Path:
+    """Return the path of a file; a value of another kind raises SettingsError."""
+    return Path(os.fspath(path) if isinstance(path, os.PathLike) else checked(str, path, name))
 
 
 def load_json(kind: type[T], path: str | os.PathLike[str], what: str, largest: int = MAX_TEXT_BYTES) -> T:

@@ -27,7 +27,7 @@ class MapSettings:
     memory: tyro.conf.Positional[str] = "half/0"
     """Shipped name, such as half/0, or a memory file."""
     out: Path = Path("map.npz")
-    """File to write, ending in .npz or .safetensors; the picture stands beside it, ending in .png."""
+    """File to write, ending in .npz or, without --physical, .safetensors; the picture beside it ends in .png."""
     resolution: int = PAPER_RESOLUTION
     """Points along each axis of the PB space."""
     colour: str = "nearest"
@@ -48,8 +48,9 @@ class MapSettings:
 
 def run(settings: MapSettings) -> int:
     """Make the map, write both files, print its figures; a killed physical map goes on with --resume."""
-    if settings.out.suffix not in ENDINGS:
-        raise SettingsError(f"--out should end in {' or '.join(ENDINGS)}, but is {settings.out}")
+    endings = ENDINGS[:1] if settings.physical else ENDINGS
+    if settings.out.suffix not in endings:
+        raise SettingsError(f"--out should end in {' or '.join(endings)}, but is {settings.out}")
     if not settings.physical and (settings.resume or settings.n_threads is not None):
         raise SettingsError("--resume and --n-threads go with --physical")
     colour = check_colour(settings.colour)

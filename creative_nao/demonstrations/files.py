@@ -20,7 +20,7 @@ from creative_nao.demonstrations.dataset import Demonstrations, Tick, outside_ra
 from creative_nao.demonstrations.keyframes import ACTIONS, DT_S
 from creative_nao.errors import FileFormatError, NotFoundError, nearest_name
 from creative_nao.joints import JOINTS, joint_angles
-from creative_nao.schema import JsonObject, Names, PlainName, checked, parse
+from creative_nao.schema import JsonObject, Names, PlainName, checked, checked_path, parse
 from creative_nao.storage import read_text
 
 TIME_COLUMN = "time_s"
@@ -174,11 +174,6 @@ def save_trajectory(
     for step, posture in enumerate(angles):
         writer.writerow([repr(round(step * dt_s, 9)), *(repr(float(angle)) for angle in posture)])
     return storage.write_text(checked_path(path), text.getvalue())
-
-
-def checked_path(path: str | os.PathLike[str], name: str = "path") -> Path:
-    """Return the path of a file; a value of another kind raises SettingsError."""
-    return Path(os.fspath(path) if isinstance(path, os.PathLike) else checked(str, path, name))
 
 
 def _columns(path: Path) -> tuple[str, ...]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import io
 import json
 import os
 import time
@@ -20,12 +19,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from creative_nao.arrays import npz_header, only_arrays, read_npz, take
+from creative_nao.arrays import npz_header, only_arrays, read_npz, save_npz, take
 from creative_nao.envs.executors import PhysicsPool, SharedScene, ThreadPool, physics_figures
-from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, shown
 from creative_nao.joints import JOINTS
 from creative_nao.maps import PAPER_RESOLUTION, PBMap, pb_grid
-from creative_nao.maps.map import MAX_DISTANCE, MAX_RESOLUTION, Provenance, Resolution
+from creative_nao.maps.map import MAX_DISTANCE, MAX_RESOLUTION, MapHeader, grid_fields
 from creative_nao.measures import Criteria, dtw_matrix, score
 from creative_nao.measures.outcome import (
     ALL_OUTCOMES,
@@ -41,8 +40,7 @@ from creative_nao.model import Memory
 from creative_nao.model.config import check_kind
 from creative_nao.robot import PhysicalLimits, first_failure
 from creative_nao.runtime import record as provenance
-from creative_nao.schema import AfterValidator, Field, Index, Names, NonNegative, Text, Version1, dump, parse, record
-from creative_nao.storage import write_bytes
+from creative_nao.schema import AfterValidator, Field, Index, NonNegative, Text, checked_path, dump, parse, record
 
 KIND = "physical PB map"
 BLOCK = 256
@@ -64,6 +62,12 @@ _ARRAYS = ("header", "learned_pb", *_OUTCOME_ARRAYS, "nearest", "distance", *FIG
 _CODES = ("", *ALL_OUTCOMES)
 
 
+def _checked_npz(path: str | os.PathLike[str], name: str = "path") -> Path:
+    if (target := checked_path(path, name)).suffix != ".npz":
+        raise SettingsError(f"`{name}` should end in .npz, the format of physical maps, but is {shown(path)}")
+    return target
+
+
 def _known_outcomes(names: tuple[str, ...]) -> tuple[str, ...]:
     if not set(names) <= set(_CODES):
         raise ValueError("a list of known outcomes")
@@ -71,19 +75,15 @@ def _known_outcomes(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @record
-class PhysicalMapHeader:
+class PhysicalMapHeader(MapHeader):
     """What the file of a physical map says beside its arrays."""
 
     kind: Text
-    format_version: Version1
-    resolution: Resolution
     n_done: Index
-    names: Names
     outcomes: Annotated[tuple[Text, ...], Field(max_length=100), AfterValidator(_known_outcomes)]
     """What the numbers in the arrays of outcomes mean."""
     wall_s: NonNegative
     cpu_s: NonNegative
-    record: Provenance
 
     def __post_init__(self) -> None:
         """Refuse more points than the map has."""
@@ -140,11 +140,10 @@ class PhysicalMap(PBMap):
         }
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the map to an NPZ file without pickle, in one step, and return its path."""
+        """Write the map to an NPZ file without pickle, in one step, and return its path, which ends in .npz."""
         own = {name: getattr(self, name) for name in ("resolution", "n_done", "names", "wall_s", "cpu_s", "record")}
         header = dump(PhysicalMapHeader(kind=KIND, format_version=1, outcomes=_CODES, **own))
-        arrays: dict[str, Any] = {
-            "header": np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8),
+        arrays = {
             "nearest": self.nearest.astype(np.int16),
             "distance": self.distance,
             "learned_pb": self.learned_pb,
@@ -154,10 +153,7 @@ class PhysicalMap(PBMap):
             },
             **self.figures,
         }
-        # In memory first: on a full disk, an archive that is being written complains once more when it is dropped.
-        content = io.BytesIO()
-        np.savez_compressed(content, **arrays)  # plain numbers only: nothing is pickled
-        return write_bytes(path, content.getvalue())
+        return save_npz(_checked_npz(path), header, arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, unfinished: bool = False) -> PhysicalMap:
@@ -171,7 +167,7 @@ class PhysicalMap(PBMap):
             NotFoundError: If there is no such file.
             FileFormatError: If it is torn, foreign or unfinished; the message names the part.
         """
-        source = Path(path)
+        source = checked_path(path)
         if not source.is_file():
             raise NotFoundError(
                 f"no physical map at {source}; make one with `creative-nao map MEMORY --physical --out {source}`"
@@ -182,34 +178,21 @@ class PhysicalMap(PBMap):
         if not isinstance(values, dict) or values.get("kind") != KIND:
             raise FileFormatError(f"{source}: not a {KIND}")
         header = parse(PhysicalMapHeader, values, f"{source}: `header`")
-        n, names = header.resolution**2, header.names
+        n = header.resolution**2
         if header.n_done < n and not unfinished:
             raise FileFormatError(
                 f"{source}: {header.n_done} of {n} points are performed; "
                 "finish it with `creative-nao map MEMORY --physical --resume`"
             )
         outcomes = np.array(header.outcomes, dtype="<U16")
+        fields = grid_fields(source, header, arrays)
+        fields["distance"] = fields["distance"].astype(np.float32)
         for name in _OUTCOME_ARRAYS:
-            take(source, arrays, name, (n,), kinds="iu", least=0, most=len(outcomes) - 1)
-        take(source, arrays, "nearest", (n,), kinds="iu", least=0, most=len(names) - 1)
-        for name in ("distance", *FIGURES):
-            take(source, arrays, name, (n,), least=0.0, most=MAX_DISTANCE)
-        return cls(
-            resolution=header.resolution,
-            pb=pb_grid(header.resolution),
-            outcome=outcomes[arrays["outcome"]],
-            mental=outcomes[arrays["mental"]],
-            fault=outcomes[arrays["fault"]],
-            nearest=arrays["nearest"].astype(np.int64),
-            distance=arrays["distance"].astype(np.float32),
-            figures={name: arrays[name].astype(np.float32) for name in FIGURES},
-            learned_pb=take(source, arrays, "learned_pb", (len(names), 2), least=-1.0, most=1.0),
-            names=names,
-            record=header.record,
-            n_done=header.n_done,
-            wall_s=header.wall_s,
-            cpu_s=header.cpu_s,
-        )
+            fields[name] = outcomes[take(source, arrays, name, (n,), kinds="iu", least=0, most=len(outcomes) - 1)]
+        fields["figures"] = {
+            name: take(source, arrays, name, (n,), least=0.0, most=MAX_DISTANCE).astype(np.float32) for name in FIGURES
+        }
+        return cls(**fields, n_done=header.n_done, wall_s=header.wall_s, cpu_s=header.cpu_s)
 
     def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
         """Draw the map in the manner of the mental one; the options are those of `PBMap.plot`."""
@@ -236,7 +219,7 @@ def physical_map(
         criteria: Where the lines between the outcomes are drawn; default: the paper's.
         limits: From where on a performance counts as failed.
         progress: Called with the movements done and their number after every block.
-        checkpoint: File that keeps what is done after every block; if it is there, the work goes on where it ended.
+        checkpoint: NPZ file that keeps what is done after every block; if it is there, the work goes on where it ended.
             The finished map has the same bits either way; the file stays.
 
     Raises:
@@ -252,9 +235,11 @@ def physical_map(
             f"a physical map needs a memory with n_pb = 2 and the joints {', '.join(JOINTS)}, "
             f"but this one has {memory.network.n_pb} and {', '.join(memory.joints)}"
         )
+    if checkpoint is not None:
+        checkpoint = _checked_npz(checkpoint, "checkpoint")
     result = _blank(memory, resolution, criteria, limits)
-    if checkpoint is not None and Path(checkpoint).exists():
-        result = _continued(result, Path(checkpoint))
+    if checkpoint is not None and checkpoint.exists():
+        result = _continued(result, checkpoint)
     total = len(result.outcome)
     if progress is not None:
         progress(result.n_done, total)

@@ -17,13 +17,13 @@ import numpy as np
 from creative_nao import storage
 from creative_nao.arrays import only_arrays, unpack_npz
 from creative_nao.demonstrations import files
-from creative_nao.demonstrations.files import MAX_FILE_BYTES, checked_path
+from creative_nao.demonstrations.files import MAX_FILE_BYTES
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
 from creative_nao.exchange import choregraphe, simulators
 from creative_nao.exchange.keys import Keys, Motion, Recording, text_of, to_motion
 from creative_nao.exchange.safety import Unsafe, made_safe
 from creative_nao.joints import JOINTS
-from creative_nao.schema import JsonObject, checked, parse
+from creative_nao.schema import JsonObject, checked, checked_path, parse
 
 
 def write_csv(motion: Motion, path: Path) -> list[str]:

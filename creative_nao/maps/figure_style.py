@@ -12,6 +12,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from creative_nao.schema import checked_path
 from creative_nao.storage import replacing
 
 if TYPE_CHECKING:
@@ -137,5 +138,6 @@ def save_small(picture: Path | io.BytesIO, png: Path) -> None:
 
 def write_figure(drawn: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure in one step, as PNG, SVG or PDF by the ending of the path."""
-    with replacing(path) as temporary:
-        drawn.savefig(temporary, dpi=DPI, format=Path(path).suffix.lstrip(".") or "png")
+    target = checked_path(path)
+    with replacing(target) as temporary:
+        drawn.savefig(temporary, dpi=DPI, format=target.suffix.lstrip(".") or "png")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from creative_nao.arrays import load_tensors, npz_header, only_arrays, read_npz, save_tensors, take
+from creative_nao.arrays import load_tensors, npz_header, only_arrays, read_npz, save_npz, save_tensors, take
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError, shown
 from creative_nao.maps.figure_style import write_figure
 from creative_nao.maps.grid import PAPER_RESOLUTION, GridMap, pb_grid
@@ -22,8 +21,18 @@ from creative_nao.measures import OUTCOMES, Criteria, score
 from creative_nao.measures.dtw import as_numbers
 from creative_nao.model import Memory
 from creative_nao.runtime import record as record_of_making
-from creative_nao.schema import AfterValidator, Field, JsonObject, Names, Version1, checked, dump, parse, record
-from creative_nao.storage import write_bytes
+from creative_nao.schema import (
+    AfterValidator,
+    Field,
+    JsonObject,
+    Names,
+    Version1,
+    checked,
+    checked_path,
+    dump,
+    parse,
+    record,
+)
 
 KIND = "PB map"
 MAX_RESOLUTION = 4000
@@ -53,6 +62,20 @@ class MapHeader:
     record: Provenance
 
 
+def grid_fields(source: Path, header: MapHeader, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Return the fields that all maps have alike of what a map file holds; a wrong array raises FileFormatError."""
+    n, n_actions = (header.resolution**2,), len(header.names)
+    return {
+        "resolution": header.resolution,
+        "pb": pb_grid(header.resolution),
+        "nearest": take(source, arrays, "nearest", n, kinds="iu", least=0, most=n_actions - 1).astype(np.int64),
+        "distance": take(source, arrays, "distance", n, least=0.0, most=MAX_DISTANCE),
+        "learned_pb": take(source, arrays, "learned_pb", (n_actions, 2), least=-1.0, most=1.0),
+        "names": header.names,
+        "record": header.record,
+    }
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class PBMap(GridMap):
     """A scored grid over the PB space of a memory: a `GridMap` that can be saved, read back and drawn."""
@@ -69,18 +92,14 @@ class PBMap(GridMap):
             "distance": self.distance,
             "learned_pb": self.learned_pb,
         }
-        if Path(path).suffix != ".npz":
+        if checked_path(path).suffix != ".npz":
             return save_tensors(path, kind=KIND, header=header, tensors=arrays)
-        header_bytes = np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8)
-        # In memory first: on a full disk, an archive that is being written complains once more when it is dropped.
-        content = io.BytesIO()
-        np.savez_compressed(content, **arrays, header=header_bytes)  # plain numbers only: nothing is pickled
-        return write_bytes(path, content.getvalue())
+        return save_npz(path, header, arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> PBMap:
         """Read a map back; a torn or foreign file is a FileFormatError that names the part."""
-        source = Path(path)
+        source = checked_path(path)
         if not source.is_file():
             raise NotFoundError(f"no PB map at {source}; make one with `creative-nao map MEMORY --out {source}`")
         if source.suffix == ".npz":
@@ -91,19 +110,8 @@ class PBMap(GridMap):
             values, arrays = load_tensors(source, kind=KIND)
         only_arrays(source, arrays, ARRAYS)
         header = parse(MapHeader, values, f"{source}: `header`")
-        n, n_actions = (header.resolution**2,), len(header.names)
-        codes = take(source, arrays, "outcome", n, kinds="iu", least=0, most=len(CODES) - 1)
-        nearest = take(source, arrays, "nearest", n, kinds="iu", least=0, most=n_actions - 1)
-        return cls(
-            resolution=header.resolution,
-            pb=pb_grid(header.resolution),
-            outcome=np.array(CODES)[codes],
-            nearest=nearest.astype(np.int64),
-            distance=take(source, arrays, "distance", n, least=0.0, most=MAX_DISTANCE),
-            learned_pb=take(source, arrays, "learned_pb", (n_actions, 2), least=-1.0, most=1.0),
-            names=header.names,
-            record=header.record,
-        )
+        codes = take(source, arrays, "outcome", (header.resolution**2,), kinds="iu", least=0, most=len(CODES) - 1)
+        return cls(outcome=np.array(CODES)[codes], **grid_fields(source, header, arrays))
 
     def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
         """Draw the map and return the matplotlib figure; the options are those of `draw_map`: ``colour="speed"``."""

@@ -16,7 +16,6 @@ import numpy as np
 
 from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.demonstrations.files import checked_path
 from creative_nao.errors import FileFormatError, SettingsError, TrainingError, shown
 from creative_nao.measures import Criteria, dtw
 from creative_nao.model.config import (
@@ -35,7 +34,7 @@ from creative_nao.model.encoding import encoding_of, target_codes
 from creative_nao.model.memory import MAX_CURVE_POINTS, Memory
 from creative_nao.runtime import record as provenance
 from creative_nao.runtime import usable_cores
-from creative_nao.schema import Count, Index, Sha256, checked, dump, parse, record
+from creative_nao.schema import Count, Index, Sha256, checked, checked_path, dump, parse, record
 
 
 def make_engine(

@@ -119,6 +119,29 @@ def test_a_saved_map_comes_back(chart, tmp_path):
     assert back.record == chart.record
 
 
+@pytest.mark.parametrize("name", ["map.safetensors", "map", "map.NPZ"])
+def test_a_physical_map_is_written_to_an_npz_file_only(chart, memory, tmp_path, name, capsys):
+    with pytest.raises(SettingsError, match=r"`path` should end in \.npz, the format of physical maps, but is"):
+        chart.save(tmp_path / name)
+    with pytest.raises(SettingsError, match=r"`checkpoint` should end in \.npz"):
+        physical_map(memory, 2, checkpoint=tmp_path / name)
+    assert main(["map", "half/0", "--physical", "--out", str(tmp_path / name)]) == 2
+    assert "--out should end in .npz, but is" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("path", [3, None, b"map.npz"])
+def test_what_is_no_path_is_refused(chart, memory, path):
+    mental = pb_map(memory, 3)
+    for use in (chart.save, mental.save, PhysicalMap.load, type(mental).load):
+        with pytest.raises(SettingsError, match="`path` should be text, but is"):
+            use(path)
+    if path is not None:
+        for drawn in (chart, mental):
+            with pytest.raises(SettingsError, match="`path` should be text, but is"):
+                drawn.plot(path)
+
+
 def test_a_torn_map_is_refused_wherever_it_is_cut(chart, tmp_path):
     content = chart.save(tmp_path / "map.npz").read_bytes()
     path = tmp_path / "torn.npz"
