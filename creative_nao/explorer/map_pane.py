@@ -69,11 +69,6 @@ class MapPane:
         covering = self.covering()
         return self.loaded.pb_map if covering is None else covering.pb_map
 
-    def cell(self) -> float:
-        """Return the width of a cell that is shown, in PB units."""
-        pb = self.finest().pb
-        return float(pb[1, 0] - pb[0, 0])
-
     def covering(self) -> FinerMap | None:
         """Return the finer cells if they cover all that is shown."""
         fits = self.view is not None and self.finer is not None and self.view.within(self.finer.view)

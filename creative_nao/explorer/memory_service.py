@@ -151,13 +151,13 @@ def _draw(pb_map: PBMap, weight: np.ndarray, rng: np.random.Generator) -> np.nda
     return pb_map.pb[rng.choice(len(weight), p=weight / total)].copy()
 
 
-def as_coordinate(value: object, otherwise: float = 0.0) -> float:
-    """Return a PB coordinate in [-1, 1] from anything a browser sends; what is no finite number gives `otherwise`."""
+def as_coordinate(value: object) -> float:
+    """Return a PB coordinate in [-1, 1] from anything a browser sends; what is no finite number gives 0."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
-        return otherwise
-    return min(1.0, max(-1.0, number)) if math.isfinite(number) else otherwise
+        return 0.0
+    return min(1.0, max(-1.0, number)) if math.isfinite(number) else 0.0
 
 
 OUTCOME_WORDS = {
@@ -190,23 +190,15 @@ def describe(recall: Recall, service: MemoryService, digits: int = 3) -> str:
     letter, name = action_letter(recall.nearest), spoken(service.names[recall.nearest])
     verdict = "appropriate" if recall.appropriate else "inappropriate"
     text = f"{where}; {verdict}, {OUTCOME_WORDS[recall.outcome]}; nearest {letter} {name}; novelty {recall.novelty:.1f}"
-    why = reason(recall, service)
-    return f"{text}; {why}" if why else text
-
-
-def reason(recall: Recall, service: MemoryService) -> str:
-    """Return why a movement is inappropriate, with the figures, or an empty string."""
     if recall.outcome == "fluctuating":
         excess = recall.speeds / service.limit_rad_s
         tick, joint = np.unravel_index(int(excess.argmax()), excess.shape)
-        speed, seconds = recall.speeds[tick, joint], tick * service.memory.dt_s
-        limit = service.limit_rad_s[joint]
-        return f"{service.memory.joints[joint]} reaches {speed:.1f} rad/s at {seconds:.2f} s, the limit is {limit:.1f}"
+        speed, limit, seconds = recall.speeds[tick, joint], service.limit_rad_s[joint], tick * service.memory.dt_s
+        text += f"; {JOINTS[joint]} reaches {speed:.1f} rad/s at {seconds:.2f} s, the limit is {limit:.1f}"
     if recall.outcome == "non_moving":
-        limit = excursion_limit(service.memory.demonstrations)
-        travelled = float(excursions(recall.trajectory[None])[0])
-        return f"the widest joint travels {travelled:.3f} rad, {limit:.3f} are needed"
-    return ""
+        limit, travelled = excursion_limit(service.memory.demonstrations), float(excursions(recall.trajectory[None])[0])
+        text += f"; the widest joint travels {travelled:.3f} rad, {limit:.3f} are needed"
+    return text
 
 
 def attribute(recall: Recall, service: MemoryService) -> Attribution:

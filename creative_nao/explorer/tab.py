@@ -273,8 +273,8 @@ class Tab:
         """Do what a key says."""
         key = str(event.args.get("key"))
         if key in _ARROWS:
-            step = self.memory_panels[0].map.cell() * (10 if event.args.get("shiftKey") else 1)
-            moved = self.points[-1] + step * np.array(_ARROWS[key])
+            cell = np.ptp(self.memory_panels[0].map.finest().pb[:2, 0])
+            moved = self.points[-1] + cell * (10 if event.args.get("shiftKey") else 1) * np.array(_ARROWS[key])
             await self.show(np.clip(moved, -1, 1)[None], keep=False)
         elif key in _ZOOMS:
             await self.zoom(_ZOOMS[key])

@@ -187,9 +187,6 @@ class TrainingSessions:
         self.concurrency_limit = threading.Semaphore(PLACES)
         self._trainers: dict[str, Trainer] = {}
 
-    def __len__(self) -> int:
-        return len(self._trainers)
-
     def add(self, trainer: Trainer) -> str:
         """Keep a trainer, held once, and return its name."""
         key = secrets.token_urlsafe(12)

@@ -1,11 +1,7 @@
 """One server and one browser for all tests of the page."""
 
-from pathlib import Path
-
 import pytest
-from visiting import CHROMIUM, FLAGS, Server, Visit
-
-PHYSICAL = Path(__file__).parents[2] / "docs" / "results" / "physical" / "half_0.npz"
+from visiting import CHROMIUM, FLAGS, PHYSICAL, Server, Visit
 
 
 @pytest.fixture(scope="package")

@@ -6,8 +6,8 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-from conftest import PHYSICAL
 from PIL import Image
+from visiting import PHYSICAL
 
 from creative_nao import maps
 from creative_nao.cli import main

@@ -90,9 +90,9 @@ def test_a_trainer_that_no_tab_holds_is_stopped_and_forgotten(demonstrations):
     assert sessions.hold(key) is trainer
     trainer.learn(MAX_EPOCHS)
     sessions.release(key)
-    assert len(sessions) == 1
+    assert sessions.get(key) is trainer
     assert trainer.progress.busy
     sessions.release(key)
-    assert len(sessions) == 0
+    assert sessions.get(key) is None
     assert ended(trainer).phase == "stopped"
     sessions.release(key)  # twice does no harm
