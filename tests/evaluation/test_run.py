@@ -120,6 +120,7 @@ def test_a_continued_run_repeats_no_job(finished, make_suite):
     assert [path.stat().st_mtime_ns for path in logs] == before
 
 
+@pytest.mark.slow
 def test_a_run_that_lost_jobs_is_completed_to_the_same_end(finished, make_suite, tmp_path):
     folder = tmp_path / "torn"
     shutil.copytree(finished.folder, folder)
