@@ -1,11 +1,4 @@
-"""The map of a memory: which movement lies where in its PB space (the paper's Fig. 4).
-
-- `pb_map` -> `PBMap`: the whole grid generated and scored, saved, loaded, drawn.
-- `pb_slice` -> `PBSlice`: the same over two of several PB units.
-- `landscape` -> `Landscape`: the shape of a map in numbers (regions, borders, evenness, ruggedness).
-- `COLOURINGS`, `check_colour`, `colour_values`: what the colours of a map may tell.
-- `pb_grid`, `nearest_cell`: the points of the grid.
-"""
+"""The map of a memory: which movement lies where in its PB space (the paper's Fig. 4)."""
 
 from creative_nao.maps.grid import PAPER_RESOLUTION, Landscape, landscape, nearest_cell, pb_grid
 from creative_nao.maps.map import PBMap, PBSlice, pb_map, pb_slice

@@ -135,34 +135,21 @@ def n_border_edges(labels: np.ndarray) -> int:
 
 @dataclass(frozen=True)
 class ActionRegions:
-    """What one basic action fills of a map, in one of the two readings.
+    """What one basic action fills of a map, in one of the two readings."""
 
-    Attributes:
-        share_pct: Share of all cells [%].
-        n_regions: Connected regions; cells have four neighbours.
-        largest_pct: Share of the largest of them [%].
-    """
-
-    share_pct: float
-    n_regions: int
-    largest_pct: float
+    share_pct: float  # share of all cells [%]
+    n_regions: int  # connected regions; cells have four neighbours
+    largest_pct: float  # share of the largest of them [%]
 
 
 @dataclass(frozen=True)
 class Ruggedness:
-    """How fast the movement changes from a cell to the next: DTW distance of neighbours [rad].
-
-    Attributes:
-        mean: Over all pairs of neighbours.
-        median: Of them.
-        p95: 95th percentile of them.
-        mean_appropriate: Mean over the pairs whose both cells are appropriate; None if there is no such pair.
-    """
+    """How fast the movement changes from a cell to the next: DTW distance of all pairs of neighbours [rad]."""
 
     mean: float
     median: float
-    p95: float
-    mean_appropriate: float | None
+    p95: float  # 95th percentile
+    mean_appropriate: float | None  # over the pairs whose both cells are appropriate; None if there is no such pair
 
 
 @dataclass(frozen=True)

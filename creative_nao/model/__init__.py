@@ -1,9 +1,6 @@
 """The memory: a PB-MTRNN (Hwang & Tani 2018) that learns a handful of actions and imagines others.
 
-Using: `load_memory`, `shipped_memories`, `Memory`; `Recognition` (what `Memory.infer_pb` returns); `walk`, `Walk`
-(movements along a line through the PB space).
-Training: `train`, `train_many`, `train_network`, `NetworkSettings`, `TrainingSettings`.
-Inside, in reading order:
+In reading order:
 
 - Network: `config` (settings and parameters), `encoding` (Eq. 6, 7), `network` (Eq. 1-5 in torch, the reference).
 - Training: `training` (one network or many, with checkpoints), `compiled_training` (an epoch, compiled).

@@ -79,10 +79,8 @@ class SoftmaxEncoding:
             angles: Joint angles [rad], shape (..., n_joints).
 
         Returns:
-            Shape (..., n_joints * n_units), joint by joint; each group is non-negative and sums to 1.
-
-        Raises:
-            ShapeError: If the last axis does not hold `n_joints` angles.
+            Shape (..., n_joints * n_units), joint by joint; each group is non-negative and sums to 1. Angles whose
+            last axis has another length are a ShapeError.
         """
         angles = np.asarray(angles, dtype=np.float64)
         if angles.ndim < 1 or angles.shape[-1] != self.n_joints:
@@ -95,8 +93,7 @@ class SoftmaxEncoding:
     def decode(self, codes: np.ndarray) -> np.ndarray:
         """Turn softmax codes back into joint angles [rad] (Eq. 7): shape (..., n_codes) into (..., n_joints).
 
-        Raises:
-            ShapeError: If the last axis does not hold `n_codes` values.
+        Codes whose last axis has another length are a ShapeError.
         """
         codes = np.asarray(codes)
         if codes.ndim < 1 or codes.shape[-1] != self.n_codes:
@@ -108,8 +105,7 @@ class SoftmaxEncoding:
 def encoding_of(demonstrations: Demonstrations, network: NetworkSettings) -> SoftmaxEncoding:
     """Return the softmax code whose references span each joint's range in the demonstrations (Eq. 6).
 
-    Raises:
-        SettingsError: If a joint does not move in any demonstration.
+    A joint that does not move in any demonstration is a SettingsError.
     """
     angles = np.concatenate(demonstrations.trajectories)
     spans = np.ptp(angles, axis=0)

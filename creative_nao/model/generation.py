@@ -189,10 +189,8 @@ class ClosedLoopGenerator:
             n_ticks: Postures to generate, at least 1; the very first is the initial posture itself.
 
         Returns:
-            Joint angles [rad], (n, n_ticks, n_joints), float64.
-
-        Raises:
-            ShapeError: If `pb` does not have that shape or leaves [-1, 1].
+            Joint angles [rad], (n, n_ticks, n_joints), float64. PB values of another shape or outside [-1, 1] are a
+            ShapeError.
         """
         n = len(rollout)
         if pb.shape not in ((n, self.n_pb), (n, n_ticks, self.n_pb)) or not (np.abs(pb) <= 1).all():

@@ -102,12 +102,10 @@ def save_checkpoint(
 def load_checkpoint(
     path: str | os.PathLike[str], demonstrations: Demonstrations, network: NetworkSettings, training: TrainingSettings
 ) -> TrainingState:
-    """Read a state back.
+    """Read a state back; a torn or foreign file is a FileFormatError.
 
-    Raises:
-        SettingsError: If it belongs to other settings or demonstrations; the message names the field. Only the number
-            of epochs may differ, so that a finished run can be continued.
-        FileFormatError: If the file is torn or foreign.
+    One of other settings or demonstrations is a SettingsError that names the field. Only the number of epochs may
+    differ, so that a finished run can be continued.
     """
     values, tensors = load_tensors(path, kind=KIND)
     header = parse(CheckpointHeader, values, f"{path}: header")
