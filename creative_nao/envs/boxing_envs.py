@@ -28,24 +28,32 @@ from creative_nao.robot import PhysicalLimits, RobotVariation
 
 Kind = TypeVar("Kind", bound=RepertoireEnv)
 
+_OBSERVATION_NOTES = """\
+The sizes are those of a memory with six basic actions. `scale` is the mean DTW distance between basic actions.
+`OUTCOMES` are `learned`, `unlearned`, `fluctuating`, `non_moving`, `joint_limit`, `torque_saturated`,
+`tracking_error`, `self_collision`, `fell`.
+
+The cell of a point is in column floor((pb1 + 1) / 2 * 8) of row floor((pb2 + 1) / 2 * 8), rows one after the other;
+a cell in which something appropriate was found reads at least 0.1."""
 _SHARED = {
     "actions": """\
+## Action space
 `Box(-1, 1, (2,), float32)`
 
 | index | meaning | min | max | unit |
 | --- | --- | --- | --- | --- |
 | 0 | activation of PB unit 1 | -1 | 1 | 1 |
 | 1 | activation of PB unit 2 | -1 | 1 | 1 |""",
-    "observation": layout_table(layout()),
-    "modulated_observation": layout_table(layout(n_joints=8, n_slow=10)),
-    "observation_notes": """\
-The sizes are those of a memory with six basic actions. `scale` is the mean DTW distance between basic actions.
-`OUTCOMES` are `learned`, `unlearned`, `fluctuating`, `non_moving`, `joint_limit`, `torque_saturated`,
-`tracking_error`, `self_collision`, `fell`.
+    "observation": f"""\
+## Observation space
+`Box(85,) float32`, all zero at the start of an episode.
 
-The cell of a point is in column floor((pb1 + 1) / 2 * 8) of row floor((pb2 + 1) / 2 * 8), rows one after the other;
-a cell in which something appropriate was found reads at least 0.1.""",
+{layout_table(layout())}
+
+{_OBSERVATION_NOTES}""",
+    "modulated_observation": f"{layout_table(layout(n_joints=8, n_slow=10))}\n\n{_OBSERVATION_NOTES}",
     "arguments": """\
+## Arguments
 | argument | default | meaning |
 | --- | --- | --- |
 | memory | `"half/0"` | name, file or memory; `"train"`, `"validation"`, `"test"`: drawn per episode |
@@ -82,15 +90,9 @@ class BoxingMentalEnv(RepertoireEnv):
     rewarded and join its repertoire. No physics is involved; `CreativeNao/Boxing-v0` is the same task performed by the
     robot.
 
-    ## Action space
     {actions}
 
-    ## Observation space
-    `Box(85,) float32`, all zero at the start of an episode.
-
     {observation}
-
-    {observation_notes}
 
     ## Rewards
     An appropriate action (outcome `learned` or `unlearned`) earns its smallest DTW distance to everything the robot
@@ -111,7 +113,6 @@ class BoxingMentalEnv(RepertoireEnv):
     ## Episode end
     Truncated after `n_actions` (30) steps; never terminated.
 
-    ## Arguments
     {arguments}
 
     {rendering}
@@ -130,15 +131,9 @@ class BoxingEnv(RepertoireEnv):
     standing free on its feet in a ring before a punching bag, and the joint angles that its encoders measured are
     scored. Every action starts from the same settled guard, so what happens depends on the PB point alone.
 
-    ## Action space
     {actions}
 
-    ## Observation space
-    `Box(85,) float32`, all zero at the start of an episode.
-
     {observation}
-
-    {observation_notes}
 
     ## Rewards
     As in `CreativeNao/BoxingMental-v0`. Beside `fluctuating` (judged on the commanded angles) and `non_moving`, an
@@ -165,7 +160,6 @@ class BoxingEnv(RepertoireEnv):
     ## Episode end
     Truncated after `n_actions` (30) steps; never terminated: after a fall the next action starts from the guard again.
 
-    ## Arguments
     {arguments}
     | limits | None | `robot.PhysicalLimits`: from where on a performance counts as failed |
 
@@ -218,7 +212,6 @@ class BoxingModulationEnv(RepertoireEnv):
     the very bits it has in `CreativeNao/BoxingMental-v0`. When the last tick has unfolded the movement is scored, and
     the next one starts from the guard with the network at rest.
 
-    ## Action space
     {actions}
 
     ## Observation space
@@ -226,8 +219,6 @@ class BoxingModulationEnv(RepertoireEnv):
     `CreativeNao/BoxingMental-v0`; all but `pb` and `step` change only when a movement is scored.
 
     {modulated_observation}
-
-    {observation_notes}
     A movement marks the cells of all its PB vectors. After the last decision of a movement the posture is the one it
     ended in and P_S is at rest again.
 
@@ -247,7 +238,6 @@ class BoxingModulationEnv(RepertoireEnv):
     Truncated after `n_actions` (30) movements, which are 300 steps; never terminated. An episode generates as many
     movements as in the other environments, so that their figures can be compared.
 
-    ## Arguments
     {arguments}
     | physics | False | whether the robot performs each movement |
     | limits | None | `robot.PhysicalLimits`, for `physics=True` |

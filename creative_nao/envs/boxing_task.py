@@ -22,6 +22,7 @@ from creative_nao.errors import MissingDependencyError, SettingsError
 from creative_nao.joints import JOINTS, N_JOINTS, limits
 from creative_nao.robot.performance import has_fallen, tilt_rad
 from creative_nao.robot.scene import BAG_FORCE, BAG_XML, NAO_XML, RING_XML, Scene
+from creative_nao.schema import NonNegative, Positive, checked
 
 try:
     from dm_control import composer, mjcf
@@ -40,8 +41,6 @@ CONTROL_STEP_S = 0.05
 TIME_LIMIT_S = 7.5
 
 _SETTLE_S = 2.0
-
-__all__ = ["CONTROL_STEP_S", "TIME_LIMIT_S", "Bag", "BoxingTask", "Nao", "Ring", "load"]
 
 
 class Ring(composer.Arena):
@@ -75,11 +74,6 @@ class Nao(composer.Entity):
         """The eight arm hinges, in the order of `joints.JOINTS`."""
         return [self._mjcf_root.find("joint", joint) for joint in JOINTS]
 
-    @property
-    def touch_sensors(self) -> list[Any]:
-        """Touch of both fists and both feet [N]: left fist, left foot, right fist, right foot."""
-        return [sensor for sensor in self._mjcf_root.find_all("sensor") if sensor.tag == "touch"]
-
 
 class NaoObservables(composer.Observables):
     """What the robot senses of itself; all are off until enabled."""
@@ -97,7 +91,8 @@ class NaoObservables(composer.Observables):
     @define.observable
     def touch(self) -> observable.MJCFFeature:
         """Normal force on left fist, left foot, right fist, right foot [N], shape (4,)."""
-        return observable.MJCFFeature("sensordata", self._entity.touch_sensors)
+        sensors = [sensor for sensor in self._entity.mjcf_model.find_all("sensor") if sensor.tag == "touch"]
+        return observable.MJCFFeature("sensordata", sensors)
 
 
 class Bag(composer.Entity):
@@ -172,8 +167,7 @@ class BoxingTask(composer.Task):
                 f"`control_step_s` should be a whole number of physics steps of {self._step_s} s, "
                 f"but is {control_step_s}."
             )
-        if start_noise_rad < 0:
-            raise SettingsError(f"`start_noise_rad` should be at least 0, but is {start_noise_rad}.")
+        start_noise_rad = checked(NonNegative, start_noise_rad, "start_noise_rad")
         self.robot, self.bag = Nao(), Bag()
         self._arena.add_free_entity(self.robot)
         self._arena.attach(self.bag, self._arena.mjcf_model.find("site", "hook"))
@@ -283,8 +277,7 @@ def load(
         >>> env.reset().observation["nao/joint_positions"].shape
         (8,)
     """
-    if time_limit_s <= 0:
-        raise SettingsError(f"`time_limit_s` should be positive, but is {time_limit_s}.")
+    time_limit_s = checked(Positive, time_limit_s, "time_limit_s")
     task = BoxingTask(control_step_s=control_step_s, start_noise_rad=start_noise_rad)
     env = composer.Environment(
         task,

@@ -13,20 +13,20 @@ import numpy as np
 from creative_nao.envs.archive import RepertoireArchive
 from creative_nao.envs.executors import (
     Execution,
-    Executor,
-    KinematicExecutor,
     PhysicsExecutor,
     SharedScene,
     ThreadPool,
+    imagined_executions,
 )
 from creative_nao.envs.memory_set import MemoryLike, MemorySet, RewardSpec
 from creative_nao.envs.observation import ObservationBatch, layout, observation_space
-from creative_nao.envs.rollout import RolloutBatch, check_can_pause
+from creative_nao.envs.rollout import DECISION_TICKS, RolloutBatch
 from creative_nao.envs.viewing import Recorder
-from creative_nao.errors import ShapeError
+from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures import Criteria
 from creative_nao.measures._dtw_kernels import measure_rows
 from creative_nao.measures.outcome import ALL_OUTCOMES, APPROPRIATE, NO_FAULT, OUTCOME_CODE, outcome_codes
+from creative_nao.model import Memory
 from creative_nao.model.config import check_kind
 from creative_nao.robot import PhysicalLimits
 from creative_nao.schema import Count, checked
@@ -83,16 +83,17 @@ class EpisodeBatch:
         self.memories = MemorySet(memory, self.criteria)
         first = self.memories.first
         n_basic, joints = first.demonstrations.n_actions, first.demonstrations.joints
+        self.parts = layout(n_basic, first.n_pb)
         if modulated:
-            check_can_pause(first.memory)
+            if not isinstance(first.memory, Memory):
+                raise SettingsError(
+                    "`memory` should be a `creative_nao.Memory`, whose network can be stopped between ticks, "
+                    f"but is a {type(first.memory).__name__}"
+                )
             self.parts = layout(n_basic, first.n_pb, len(joints), first.memory.network.layer_sizes[-1])
-        else:
-            self.parts = layout(n_basic, first.n_pb)
-        self.executor: Executor = (
-            KinematicExecutor(self.shared, joints)
-            if limits is None
-            else PhysicsExecutor(n_envs, self.threads, self.shared, limits, joints)
-        )
+        self.executor = None  # movements count as executed the way they were generated
+        if limits is not None:
+            self.executor = PhysicsExecutor(n_envs, self.threads, self.shared, limits, joints)
         self.observation_space = observation_space(self.parts)
         self.observations = ObservationBatch(self.parts, n_envs)
         self.archive = RepertoireArchive(n_envs, n_basic, first.n_steps, len(joints))
@@ -132,7 +133,8 @@ class EpisodeBatch:
         self.observations.clear(env_id)
         self.n_done[env_id] = 0
         self.recorder.clear(env_id)
-        self.executor.reset(env_id)
+        if self.executor is not None:
+            self.executor.reset(env_id)
         if self.rollout is not None:
             self.rollout.reset(env_id)
 
@@ -162,7 +164,7 @@ class EpisodeBatch:
         terms = {
             "pb": pb,
             "step": self.n_done[env_ids] * n + rollout.n_decided[env_ids],
-            "tick": rollout.ticks(env_ids),
+            "tick": np.minimum(rollout.n_decided[env_ids] * DECISION_TICKS, self.memories.first.n_steps),
             "posture": rollout.posture[env_ids],
         }
         reward, finished_terms = np.zeros(len(env_ids)), {}
@@ -192,7 +194,7 @@ class EpisodeBatch:
             return generated, *self._compare(env_ids[rows], generated, generated)
 
         order = by_memory if self.memories.names else None
-        if self.executor.in_physics or self.recorder.active:
+        if self.executor is not None or self.recorder.mode is not None:
             (generated,) = self.threads.map_rows(generate, len(env_ids), order)
             return self._execute_and_score(env_ids, pb[:, None], generated)
         generated, *distances = self.threads.map_rows(generate_and_compare, len(env_ids), order)
@@ -232,7 +234,11 @@ class EpisodeBatch:
         self, env_ids: np.ndarray, pb: np.ndarray, generated: np.ndarray
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         dt_s = self._dt_s[env_ids].tolist()
-        executions = self.executor.execute(env_ids, generated, dt_s, self.recorder.active)
+        shown, executions = self.recorder.mode is not None, None
+        if self.executor is not None:
+            executions = self.executor.execute(env_ids, generated, dt_s, shown)
+        elif shown:
+            executions = imagined_executions(self.shared, self.memories.first.demonstrations.joints, generated, dt_s)
         trajectories = generated if executions is None else np.stack([one.trajectory for one in executions])
         distances = self.threads.map_rows(
             lambda rows: self._compare(env_ids[rows], generated[rows], trajectories[rows]), len(env_ids)
@@ -301,7 +307,8 @@ class EpisodeBatch:
         """Return the state of one episode as JSON-able values and arrays, for `set_state`."""
         values: dict[str, Any] = {"memory": self.specs[env_id].name, "n_actions": int(self.n_done[env_id])}
         arrays = {"observation": self.observations.vector(env_id), **self.archive.get_state(env_id)}
-        arrays |= self.executor.get_state(env_id)
+        if self.executor is not None:
+            arrays |= self.executor.get_state(env_id)
         if self.rollout is not None:
             more_values, more_arrays = self.rollout.get_state(env_id)
             values, arrays = values | more_values, arrays | more_arrays
@@ -319,7 +326,8 @@ class EpisodeBatch:
         self.observations.set_vector(env_id, arrays["observation"])
         self.archive.set_state(env_id, arrays)
         self.recorder.clear(env_id)
-        self.executor.set_state(env_id, arrays)
+        if self.executor is not None:
+            self.executor.set_state(env_id, arrays)
         if self.rollout is not None:
             self.rollout.set_state(env_id, values, arrays)
 

@@ -193,51 +193,24 @@ class PhysicsPool:
         return {name: value for name, value in self.__dict__.items() if name != "performers"}
 
 
-class KinematicExecutor:
-    """Takes what was generated as executed, as in mental simulation.
+def imagined_executions(
+    shared: SharedScene, joints: tuple[str, ...], generated: np.ndarray, dt_s: Sequence[float]
+) -> list[Execution]:
+    """Return generated movements (m, n_steps, n_joints) [rad] as executed without physics, with snapshots to show them.
 
-    Args:
-        shared: Where the robot is shown if frames are wanted.
-        joints: Joints of the memory.
+    Raises:
+        SettingsError: If these are not the joints of the NAO's arms.
     """
-
-    in_physics = False
-
-    def __init__(self, shared: SharedScene, joints: tuple[str, ...]) -> None:
-        self._shared, self._joints = shared, joints
-
-    def execute(
-        self, env_ids: np.ndarray, generated: np.ndarray, dt_s: Sequence[float], keep_frames: bool
-    ) -> list[Execution] | None:
-        """Return None: the generated movements are scored; with `keep_frames` they come with snapshots.
-
-        Raises:
-            SettingsError: If frames are wanted of joints that the NAO's arms do not have.
-        """
-        if not keep_frames:
-            return None
-        if self._joints != JOINTS:
-            raise SettingsError(
-                f"only movements of the joints {', '.join(JOINTS)} can be drawn, "
-                f"but this memory has {', '.join(self._joints)}"
-            )
-        from creative_nao.robot.film import imagined_frames
-
-        frames = (
-            imagined_frames(self._shared.scene, movement, dt, frame_dt_s=FRAME_DT_S)
-            for movement, dt in zip(generated, dt_s, strict=True)
+    if joints != JOINTS:
+        raise SettingsError(
+            f"only movements of the joints {', '.join(JOINTS)} can be drawn, but this memory has {', '.join(joints)}"
         )
-        return [Execution(movement, frames=of) for movement, of in zip(generated, frames, strict=True)]
+    from creative_nao.robot.film import imagined_frames
 
-    def reset(self, env_id: int) -> None:
-        """Begin an episode: nothing to do."""
-
-    def get_state(self, env_id: int) -> dict[str, np.ndarray]:
-        """Return the physical state: none."""
-        return {}
-
-    def set_state(self, env_id: int, arrays: dict[str, np.ndarray]) -> None:
-        """Restore the physical state: none."""
+    return [
+        Execution(movement, frames=imagined_frames(shared.scene, movement, dt, frame_dt_s=FRAME_DT_S))
+        for movement, dt in zip(generated, dt_s, strict=True)
+    ]
 
 
 class PhysicsExecutor:
@@ -253,8 +226,6 @@ class PhysicsExecutor:
     Raises:
         SettingsError: If these are not the joints of the NAO's arms.
     """
-
-    in_physics = True
 
     def __init__(
         self, n_envs: int, threads: ThreadPool, shared: SharedScene, limits: PhysicalLimits, joints: tuple[str, ...]
@@ -313,9 +284,6 @@ class PhysicsExecutor:
         self._ends[env_id] = np.array(arrays["physics"])
         if len(self._ends) == 1 and self.pool.built:
             self._show(self._ends[env_id])
-
-
-Executor = KinematicExecutor | PhysicsExecutor
 
 
 def physics_figures(performance: Performance) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -42,12 +41,12 @@ MemoryLike = str | os.PathLike[str] | GeneratingMemory
 """A shipped name, a file, a split of the bank, or a memory itself."""
 
 
-@dataclass(frozen=True, eq=False)
 class RewardSpec:
     """A memory and the figures that the reward of its movements needs, computed once.
 
     Attributes:
         memory: The memory.
+        demonstrations: Its basic actions.
         name: Its name, or empty.
         n_pb: PB units.
         n_steps: Ticks of what it generates.
@@ -56,32 +55,15 @@ class RewardSpec:
         excursion_limit: Excursion below which an action does not move [rad].
     """
 
-    memory: Any
-    name: str
-    n_pb: int
-    n_steps: int
-    scale: float
-    speed_limit: np.ndarray
-    excursion_limit: float
-
-    @classmethod
-    def of(cls, memory: GeneratingMemory, criteria: Criteria) -> RewardSpec:
-        """Compute the figures of a memory."""
-        basic = memory.demonstrations
-        return cls(
-            memory=memory,
-            name=str(getattr(memory, "name", "")),
-            n_pb=memory.pb.shape[1],
-            n_steps=max(len(trajectory) for trajectory in basic.trajectories),
-            scale=reward_scale(basic),
-            speed_limit=speed_limits(basic, criteria) * SPEED_TOLERANCE,
-            excursion_limit=excursion_limit(basic, criteria),
-        )
-
-    @property
-    def demonstrations(self) -> Demonstrations:
-        """Its basic actions."""
-        return self.memory.demonstrations
+    def __init__(self, memory: GeneratingMemory, criteria: Criteria) -> None:
+        self.memory: Any = memory
+        self.demonstrations = basic = memory.demonstrations
+        self.name = str(getattr(memory, "name", ""))
+        self.n_pb = memory.pb.shape[1]
+        self.n_steps = max(len(trajectory) for trajectory in basic.trajectories)
+        self.scale = reward_scale(basic)
+        self.speed_limit = speed_limits(basic, criteria) * SPEED_TOLERANCE
+        self.excursion_limit = excursion_limit(basic, criteria)
 
     def generate(self, pb: np.ndarray) -> np.ndarray:
         """Return the movements of PB points (n, n_pb), (n, n_steps, n_joints) [rad].
@@ -129,12 +111,12 @@ class MemorySet:
                     "`memory` should be a name, a file, or an object with `pb`, `demonstrations` and `generate`, "
                     f"but is {shown(memory)}"
                 )
-            self.first = RewardSpec.of(loaded, criteria)
+            self.first = RewardSpec(loaded, criteria)
             self._specs[self.first.name] = self.first
 
     def _load(self, name: str) -> RewardSpec:
         if name not in self._specs:
-            spec = RewardSpec.of(load_memory(name), self._criteria)
+            spec = RewardSpec(load_memory(name), self._criteria)
             if self._specs and spec.form != self.first.form:
                 raise SettingsError(
                     f"memory `{name}` should have the PB units, ticks, actions and joints of `{self.first.name}`, "

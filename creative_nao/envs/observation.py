@@ -19,13 +19,12 @@ N_APPROPRIATE = len(APPROPRIATE)
 
 @dataclass(frozen=True)
 class ObservationPart:
-    """Consecutive elements of the observation vector that belong together."""
+    """Consecutive elements of the observation vector that belong together, from `low` to 1."""
 
     name: str
     start: int
     size: int
     low: float
-    high: float
     meaning: str
 
     @property
@@ -44,26 +43,25 @@ def layout(n_actions: int = 6, n_pb: int = 2, n_joints: int = 0, n_slow: int = 0
         n_slow: Neurons of P_S whose activity is observed there.
     """
     parts = [
-        ("pb", n_pb, -1.0, 1.0, "last PB vector"),
-        ("outcome", len(ALL_OUTCOMES), 0.0, 1.0, "last outcome, one-hot in the order of `OUTCOMES`"),
-        ("novelty", 1, 0.0, 1.0, "d / (d + scale), d the last action's distance to the nearest basic action"),
-        ("nearest", n_actions, 0.0, 1.0, "nearest basic action of the last action, one-hot"),
-        ("known", 1, 0.0, 1.0, "d / (d + scale), d its distance to everything known before it"),
+        ("pb", n_pb, -1.0, "last PB vector"),
+        ("outcome", len(ALL_OUTCOMES), 0.0, "last outcome, one-hot in the order of `OUTCOMES`"),
+        ("novelty", 1, 0.0, "d / (d + scale), d the last action's distance to the nearest basic action"),
+        ("nearest", n_actions, 0.0, "nearest basic action of the last action, one-hot"),
+        ("known", 1, 0.0, "d / (d + scale), d its distance to everything known before it"),
         (
             "cells",
             N_CELLS**n_pb,
             -1.0,
-            1.0,
             "cells of PB space: 0 untried, -1 in vain, else best reward r there as r / (r + 1)",
         ),
-        ("coverage", 1, 0.0, 1.0, "share of the cells tried"),
-        ("step", 1, 0.0, 1.0, "share of the episode that is over"),
+        ("coverage", 1, 0.0, "share of the cells tried"),
+        ("step", 1, 0.0, "share of the episode that is over"),
     ]
     if n_joints:
         parts += [
-            ("posture", n_joints, -1.0, 1.0, "joint angles now, -1 and 1 are the ends of the basic actions' range"),
-            ("slow", n_slow, -1.0, 1.0, "activity of the slowest layer P_S"),
-            ("phase", 1, 0.0, 1.0, "share of the movement that has unfolded, 0 before a new one"),
+            ("posture", n_joints, -1.0, "joint angles now, -1 and 1 are the ends of the basic actions' range"),
+            ("slow", n_slow, -1.0, "activity of the slowest layer P_S"),
+            ("phase", 1, 0.0, "share of the movement that has unfolded, 0 before a new one"),
         ]
     starts = np.cumsum([0, *(part[1] for part in parts)]).tolist()
     return tuple(ObservationPart(name, start, *rest) for (name, *rest), start in zip(parts, starts, strict=False))
@@ -74,15 +72,14 @@ def layout_table(parts: tuple[ObservationPart, ...]) -> str:
     rows = ["| index | name | meaning | min | max | unit |", "| --- | --- | --- | --- | --- | --- |"]
     for part in parts:
         index = f"{part.start}-{part.stop - 1}" if part.size > 1 else part.start
-        rows.append(f"| {index} | {part.name} | {part.meaning} | {part.low:g} | {part.high:g} | 1 |")
+        rows.append(f"| {index} | {part.name} | {part.meaning} | {part.low:g} | 1 | 1 |")
     return "\n".join(rows)
 
 
 def observation_space(parts: tuple[ObservationPart, ...]) -> Box:
     """Return the flat float32 Box of the observation."""
     low = np.concatenate([np.full(part.size, part.low, np.float32) for part in parts])
-    high = np.concatenate([np.full(part.size, part.high, np.float32) for part in parts])
-    return Box(low, high, dtype=np.float32)
+    return Box(low, np.ones_like(low), dtype=np.float32)
 
 
 def cells_of(space: Box, n_pb: int) -> slice:

@@ -11,23 +11,9 @@ from creative_nao.envs.observation import ObservationBatch
 from creative_nao.envs.state import NETWORK_ARRAYS
 from creative_nao.errors import SettingsError
 from creative_nao.model.generation import ClosedLoopGenerator, Rollout
-from creative_nao.model.memory import Memory
 
 DECISION_TICKS = 5
 """Ticks from one decision about the PB to the next."""
-
-
-def check_can_pause(memory: Any) -> None:
-    """Refuse a memory that can only generate whole movements.
-
-    Raises:
-        SettingsError: Naming its class.
-    """
-    if not isinstance(memory, Memory):
-        raise SettingsError(
-            "`memory` should be a `creative_nao.Memory`, whose network can be stopped between ticks, "
-            f"but is a {type(memory).__name__}"
-        )
 
 
 class RolloutBatch:
@@ -87,10 +73,6 @@ class RolloutBatch:
             self.pb[env_id, decided] = point
             self.n_decided[env_id] = decided + 1
 
-    def ticks(self, env_ids: np.ndarray) -> np.ndarray:
-        """Return how many ticks are generated, (m,)."""
-        return np.minimum(self.n_decided[env_ids] * DECISION_TICKS, self._n_steps)
-
     def observe(self, env_ids: np.ndarray) -> None:
         """Write posture, P_S and phase into the observations."""
         observations = self._observations
@@ -105,15 +87,9 @@ class RolloutBatch:
         """Return a movement under way as JSON-able values and arrays, for `set_state`."""
         under_way = self._under_way[env_id]
         values = {"n_decided": int(self.n_decided[env_id]), "tick": under_way.tick}
-        arrays = {
-            "network_code": under_way.code.copy(),
-            "network_state": under_way.state.copy(),
-            "network_activity": under_way.activity.copy(),
-            "unfolded": self.angles[env_id].copy(),
-            "pb_path": self.pb[env_id].copy(),
-            "posture": self.posture[env_id].copy(),
-        }
-        return values, arrays
+        network = zip(NETWORK_ARRAYS, (under_way.code, under_way.state, under_way.activity), strict=True)
+        mine = {"unfolded": self.angles[env_id], "pb_path": self.pb[env_id], "posture": self.posture[env_id]}
+        return values, {name: array.copy() for name, array in (*network, *mine.items())}
 
     def set_state(self, env_id: int, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
         """Restore what `get_state` returned; the memory of the episode has to be in place already.

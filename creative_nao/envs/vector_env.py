@@ -19,13 +19,12 @@ from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
 from creative_nao.envs.repertoire_env import checked_options, checked_pb
 from creative_nao.envs.state import EnvState, generator_from, generator_state
+from creative_nao.envs.viewing import RENDER_MODES
 from creative_nao.errors import SettingsError
 from creative_nao.measures import Criteria
 from creative_nao.model.config import check_kind
 from creative_nao.robot import PhysicalLimits
 from creative_nao.schema import Count, Seed, checked
-
-RENDER_MODES = ("rgb_array", "rgb_array_list", "depth_array")
 
 
 class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -81,7 +80,7 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         )  # fmt: skip
         self.num_envs, self.n_actions, self.render_mode = num_envs, n_actions, render_mode
         self.metadata = {
-            "render_modes": list(RENDER_MODES),
+            "render_modes": [mode for mode in RENDER_MODES if mode != "human"],
             "render_fps": round(1 / FRAME_DT_S),
             "autoreset_mode": self.autoreset_mode,
         }
@@ -148,8 +147,8 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Begin episodes; return the names of their memories as `info`."""
         for env_id in env_ids:
             self._batch.reset(env_id, wanted, lambda env_id=env_id: self._generator(env_id))
-        names = _objects([self._batch.specs[env_id].name for env_id in env_ids])
-        return vector_info(self.num_envs, env_ids, {"memory": names})
+        names = np.array([self._batch.specs[env_id].name for env_id in env_ids], object)
+        return _vector_info(self.num_envs, env_ids, {"memory": names})
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Step all sub-environments.
@@ -193,7 +192,7 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         infos: dict[str, Any] = {}
         for env_ids, terms in parts:
             rows = np.flatnonzero(chosen[env_ids])
-            infos |= vector_info(self.num_envs, env_ids[rows], {name: values[rows] for name, values in terms.items()})
+            infos |= _vector_info(self.num_envs, env_ids[rows], {name: values[rows] for name, values in terms.items()})
         return infos
 
     def _end_and_begin(
@@ -202,8 +201,9 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Begin the episodes that have ended; return `infos` with `final_obs` and `final_info` of their ends."""
         ended = np.flatnonzero(truncated)
         infos = self._infos(parts, ~truncated)
-        final = _objects([self._batch.observations.vector(int(env_id)) for env_id in ended])
-        infos |= vector_info(self.num_envs, ended, {"final_obs": final})
+        final = np.empty(len(ended), object)
+        final[:] = list(self._batch.observations.vectors()[ended])
+        infos |= _vector_info(self.num_envs, ended, {"final_obs": final})
         infos["final_info"] = self._with_measures(self._infos(parts, truncated), truncated)
         infos["_final_info"] = truncated.copy()
         return infos | self._begin(ended)
@@ -253,14 +253,8 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             self._ended[env_id] = ended and self.autoreset_mode is not AutoresetMode.SAME_STEP
 
 
-def vector_info(num_envs: int, env_ids: np.ndarray, terms: dict[str, np.ndarray]) -> dict[str, Any]:
-    """Return terms in Gymnasium's vector format: arrays over all sub-environments, each with its mask ``_name``.
-
-    Args:
-        num_envs: Number of sub-environments.
-        env_ids: Which of them have the terms, shape (m,), rising; the others hold 0 or None.
-        terms: Arrays over those, (m, ...), by name.
-    """
+def _vector_info(num_envs: int, env_ids: np.ndarray, terms: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Return terms of some sub-environments, (m, ...), in Gymnasium's vector format: whole arrays, masks ``_name``."""
     infos: dict[str, Any] = {}
     if not len(env_ids):
         return infos
@@ -274,10 +268,3 @@ def vector_info(num_envs: int, env_ids: np.ndarray, terms: dict[str, np.ndarray]
             whole[env_ids] = values
         infos[name], infos[f"_{name}"] = whole, mask.copy()
     return infos
-
-
-def _objects(values: list[Any]) -> np.ndarray:
-    """Return values of any kind as an array of objects, (m,)."""
-    out = np.empty(len(values), object)
-    out[:] = values
-    return out

@@ -72,11 +72,6 @@ class Recorder:
         self._renderer: Renderer | None = None
         self._window: Any = None
 
-    @property
-    def active(self) -> bool:
-        """Whether snapshots are needed of every movement."""
-        return self.mode is not None
-
     def clear(self, env_id: int = 0) -> None:
         """Remove the recorded movements of an environment."""
         self._movements[env_id] = []

@@ -24,11 +24,7 @@ class ConformanceError(CreativeNaoError, AssertionError):
 
 
 def require(met: Any, requirement: str, found: object) -> None:
-    """Raise unless a requirement is met.
-
-    Raises:
-        ConformanceError: With the requirement and what was found instead.
-    """
+    """Raise a ConformanceError with the requirement and what was found unless it is met."""
     if not met:
         raise ConformanceError(f"{requirement}, but found {found}")
 
@@ -43,10 +39,6 @@ def same(one: Any, other: Any) -> bool:
         left, right = np.asarray(one), np.asarray(other)
         return left.shape == right.shape and left.dtype == right.dtype and left.tobytes() == right.tobytes()
     return bool(one == other) or (one != one and other != other)
-
-
-N_POINTS = 7
-"""Points at which a memory is tried: enough for a batch that no block size divides."""
 
 
 def check_memory(memory: Any, *, seed: int = 0) -> None:
@@ -70,7 +62,7 @@ def check_memory(memory: Any, *, seed: int = 0) -> None:
     for name in ("joints", "dt_s"):
         expected, found = getattr(basic, name), getattr(memory, name, None)
         require(found == expected, f"`{name}` should be that of the demonstrations, {expected}", found)
-    pb = np.random.default_rng(seed).uniform(-1, 1, (N_POINTS, known.shape[1]))
+    pb = np.random.default_rng(seed).uniform(-1, 1, (7, known.shape[1]))  # a batch that no block size divides
     n_steps = max(len(trajectory) for trajectory in basic.trajectories)
     generated = _check_form(memory, pb, n_steps, len(basic.joints))
     _check_repeatable(memory, pb, generated)
@@ -167,10 +159,7 @@ def _check_passes(what: str, done: Any, limits: PhysicalLimits | None) -> None:
     require(not tripped, f"{what} should be performable", ", ".join(tripped))
 
 
-N_STEPS = 30
-
-
-def check_task(load: Callable[..., Any], *, n_steps: int = N_STEPS) -> None:
+def check_task(load: Callable[..., Any], *, n_steps: int = 30) -> None:
     """Check a dm_control environment.
 
     Required: the action spec is bounded and finite; observations are those of the observation spec, by name, shape
@@ -274,35 +263,27 @@ def _check_with_the_checkers(build: Callable[[], gym.Env]) -> None:
             env.close()
 
 
-def _play_environment(env: gym.Env, n_actions: int, seed: int = 3) -> list[Any]:
-    rng = np.random.default_rng(seed)
-    found: list[Any] = [env.reset(seed=seed)]
-    for _ in range(n_actions * getattr(env.unwrapped, "n_decisions", 1)):
-        found.append(env.step(_draw(env, rng)))
-    return found
+def _play_environment(env: gym.Env, n_actions: int) -> list[Any]:
+    rng = np.random.default_rng(3)
+    n_steps = n_actions * getattr(env.unwrapped, "n_decisions", 1)
+    return [env.reset(seed=3), *(env.step(_draw(env, rng)) for _ in range(n_steps))]
 
 
 def check_scores(env: gym.Env, n_actions: int) -> None:
-    """Check rewards and `info` of an environment alone, which takes a fraction of the time.
-
-    Raises:
-        ConformanceError: If a requirement of `check_environment` about scores is not met.
-    """
+    """Check rewards and `info` of an environment alone, which takes a fraction of the time."""
     env.reset(seed=0)
     rng = np.random.default_rng(0)
     size = 0
     for _ in range(n_actions):
         pb = _draw(env, rng)
-        size = _check_score(_hold(env, pb), size)
-        again = _hold(env, pb)
-        reward = again[0]
-        size = _check_score(again, size)
+        size = _check_score(*_hold(env, pb), size)
+        reward, info = _hold(env, pb)
+        size = _check_score(reward, info, size)
         require(reward == 0.0, "the same movement at once again should earn nothing", reward)
 
 
-def _check_score(scored: tuple[float, dict[str, Any]], size: int) -> int:
+def _check_score(reward: float, info: dict[str, Any], size: int) -> int:
     """Check what was told of one movement; return the size of the repertoire after it."""
-    reward, info = scored
     missing = [term for term in TERMS if term not in info]
     require(not missing, f"`info` should tell {', '.join(TERMS)}", f"no {', '.join(missing)}")
     require(info["outcome"] in ALL_OUTCOMES, f"the outcome should be one of {', '.join(ALL_OUTCOMES)}", info["outcome"])
