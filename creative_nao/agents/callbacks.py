@@ -34,12 +34,7 @@ from creative_nao.errors import FileFormatError
 
 
 class EpisodeRecorder(BaseCallback):
-    """Records the reward of each training episode that ends.
-
-    Args:
-        record: What it is added to.
-        on_rollout_end: Called with the decisions made.
-    """
+    """Adds the reward of each training episode that ends to a record; `on_rollout_end` is told the decisions made."""
 
     def __init__(self, record: TrainingRecord, on_rollout_end: Callable[[int], None] | None = None) -> None:
         super().__init__()
@@ -60,14 +55,8 @@ class EpisodeRecorder(BaseCallback):
 class TrainingCallback(EpisodeRecorder):
     """Records and evaluates a training, keeps checkpoints, and stops when asked to.
 
-    Args:
-        record: Of the training so far.
-        state: State to go on from, or None.
-        plan: The `TrainingPlan`.
-        evaluate: Returns the rewards of an evaluation of the present weights.
-        checkpoint: File of the checkpoint, or None.
-        progress: Called at each rollout with the record and the decisions made.
-        stop: When set, training ends with a checkpoint.
+    It goes on from `state`, if there is one; `plan` is a `TrainingPlan`, `evaluate` returns the rewards of an
+    evaluation of the present weights, and the other arguments are those of `train_agent`.
     """
 
     def __init__(
@@ -171,12 +160,7 @@ class TrainingCallback(EpisodeRecorder):
 
 
 class ProgressTable(KVWriter):
-    """Keeps what the algorithm logs as the rows of one CSV file.
-
-    Args:
-        path: The file; the rows up to `n_decisions` are kept if it is there.
-        n_decisions: Decisions already made.
-    """
+    """Keeps what the algorithm logs as the rows of one CSV file; those up to `n_decisions` are kept if it is there."""
 
     def __init__(self, path: Path, n_decisions: int) -> None:
         self.path = path

@@ -1,4 +1,4 @@
-"""The command line: one file a command, each with its settings as a dataclass and a `run`."""
+"""The command line: one file a command or group of commands, with its settings as a dataclass and a `run`."""
 
 from creative_nao.cli.dispatch import main
 

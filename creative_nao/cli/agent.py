@@ -1,21 +1,206 @@
-"""`creative-nao agent run` and `agent tune`: let an agent play, and search hyperparameters with Optuna."""
+"""`creative-nao agent train | run | tune`: train an agent, let one play, search hyperparameters with Optuna."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import tyro
 
+from creative_nao import storage
 from creative_nao.agents.base import PolicyAgent
-from creative_nao.agents.bundle import TrainedPolicy, replay
-from creative_nao.agents.play import PlayedEpisode, Score, evaluate_agent
+from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, machine, replay, save_bundle
+from creative_nao.agents.play import PlayedEpisode, Score, check_env, evaluate_agent, evaluate_policy
 from creative_nao.agents.registry import make_agent
-from creative_nao.agents.training import memories_of
+from creative_nao.agents.resume import TrainingRecord
+from creative_nao.agents.settings import find_algorithm, read_hyperparameters
+from creative_nao.agents.training import TrainingPlan, memories_of, train_agent
 from creative_nao.agents.tuning import TuningPlan, tune
-from creative_nao.cli.terminal import Display, print_result
+from creative_nao.cli.terminal import Display, changed_flags, print_result, refuse_leftovers, stopped_by_signals
 from creative_nao.errors import SettingsError
+from creative_nao.runtime import record as provenance
 from creative_nao.schema import Count, checked
+
+FIRST_SCORE_SEED = 100
+"""The recorded score is played with other seeds than those that chose the weights."""
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainAgentSettings:
+    """Train an agent on the bank's train memories, judged on its validation memories, and write a bundle.
+
+    The folder --out gets agent.safetensors (the bundle), checkpoint.safetensors, episodes.csv, evaluations.csv,
+    progress.csv and run.json. After Ctrl-C or a crash, the same command with --resume goes on from the checkpoint and
+    ends with the same bits as an uninterrupted run.
+    """
+
+    algorithm: tyro.conf.Positional[str]
+    """ppo, sac, td3; with the extra `agents`: recurrent_ppo, tqc, crossq."""
+    out: Path
+    """Folder to write."""
+    env: str = "CreativeNao/BoxingMental-v0"
+    """Environment the agent is for: its hyperparameters, and where its recorded score is played."""
+    train_env: str | None = None
+    """Environment to train in: the mental twin of a physical one is hundreds of times faster; default: --env."""
+    seed: int = 0
+    """Seed of weights, draws and environments; one seed, one agent."""
+    timesteps: int | None = None
+    """Decisions in training; default: those of the hyperparameter file."""
+    conf_file: Path | None = None
+    """Hyperparameters as YAML in RL Zoo's format; default: the shipped ones."""
+    augment: bool | None = None
+    """Flip and swap the axes of the PB space anew in each training episode; default: as the hyperparameters say."""
+    memory: str = "train"
+    """Memory, or part of the bank, to train on; never a test memory."""
+    validation_memory: str = "validation"
+    """Memory, or part of the bank, to be judged on."""
+    evaluation_interval: int = 20_000
+    """Decisions from one evaluation to the next; the best weights are kept."""
+    judged_seeds: int = 2
+    """Episodes of each validation memory at an evaluation; with few of them the luckiest weights are kept."""
+    checkpoint_interval: int = 20_000
+    """Decisions from one checkpoint to the next."""
+    score_seeds: int = 5
+    """Episodes of each validation memory in the recorded score."""
+    resume: bool = False
+    """Go on from the checkpoint in --out, if there is one."""
+    tensorboard: bool = False
+    """Write TensorBoard files into --out as well."""
+    json: bool = False
+    """Print the figures as JSON."""
+
+
+def run_train(settings: TrainAgentSettings) -> int:
+    """Train, write bundle and logs, print the recorded score; after Ctrl-C only the checkpoint is written."""
+    plan = _plan(settings)
+    checkpoint = settings.out / "checkpoint.safetensors"
+    if settings.judged_seeds > FIRST_SCORE_SEED:
+        raise SettingsError(
+            f"--judged-seeds should be at most {FIRST_SCORE_SEED}, but is {settings.judged_seeds}: "
+            "the recorded score is played with the seeds after them"
+        )
+    checked(Count, settings.score_seeds, "--score-seeds")
+    if settings.out.is_file():
+        raise SettingsError(f"--out should name a folder, but {settings.out} is a file")
+    refuse_leftovers([] if settings.resume else [checkpoint])
+    n_decisions = plan.hyperparameters.n_timesteps
+    with Display({"training": n_decisions}) as display, stopped_by_signals() as stop:
+
+        def show(record: TrainingRecord, done: int) -> None:
+            note = f"validation {np.mean(record.evaluations[-1]):.2f}, best {record.best_mean:.2f}"
+            display.show("training", min(done, n_decisions), note)
+
+        policy, record = train_agent(
+            plan,
+            checkpoint=checkpoint,
+            resume=settings.resume,
+            tensorboard=settings.out / "tensorboard" if settings.tensorboard else None,
+            logs=settings.out,
+            progress=show,
+            stop=stop,
+        )
+    header = BundleHeader(
+        agent=plan.hyperparameters.algorithm,
+        settings=plan.hyperparameters,
+        env=plan.env,
+        memory=plan.memory,
+        seed=plan.seed,
+        n_actions_training=n_decisions,
+        observation_space=policy.observation_space,
+        action_space=policy.action_space,
+        command=_command(settings, plan),
+        machine=machine(),
+    )
+    score = _score(TrainedPolicy(header, policy), settings, plan)
+    header = dataclasses.replace(header, score=score)
+    bundle = save_bundle(settings.out / "agent.safetensors", header, policy)
+    low, high = score.interval
+    figures = {
+        "bundle": str(bundle),
+        "agent": header.agent,
+        "env": score.env,
+        "seed": header.seed,
+        "n_decisions": n_decisions,
+        "deterministic": score.deterministic,
+        "validation_reward": {"mean": score.mean, "low": low, "high": high},
+        "untrained_reward": float(np.mean(record.evaluations[0])),
+        "n_episodes": len(score.episodes),
+    }
+    whole = {**provenance(settings=plan.as_json(), command=header.command), **figures}
+    storage.write_text(settings.out / "run.json", json.dumps(whole, indent=2) + "\n")
+    print_result(figures, _training_lines(figures), as_json=settings.json)
+    return 0
+
+
+def _plan(settings: TrainAgentSettings) -> TrainingPlan:
+    find_algorithm(settings.algorithm)
+    trained_in = settings.env if settings.train_env is None else settings.train_env
+    for env_id in (settings.env, trained_in):
+        check_env(env_id)
+    chosen = read_hyperparameters(settings.algorithm, settings.env, settings.conf_file)
+    if settings.timesteps is not None:
+        chosen = chosen.replace(n_timesteps=settings.timesteps)
+    if settings.augment is not None:
+        chosen = chosen.replace(augment=settings.augment)
+    find_algorithm(settings.algorithm).load()
+    return TrainingPlan(
+        chosen,
+        env=trained_in,
+        judged_env=trained_in,
+        seed=settings.seed,
+        memory=settings.memory,
+        judged_memory=settings.validation_memory,
+        judged_seeds=tuple(range(settings.judged_seeds)),
+        evaluation_interval=settings.evaluation_interval,
+        checkpoint_interval=settings.checkpoint_interval,
+    )
+
+
+def _score(trained: TrainedPolicy, settings: TrainAgentSettings, plan: TrainingPlan) -> Score:
+    """Play the recorded score; whether actions are drawn or the likeliest taken is decided where it was trained."""
+    memories = memories_of(plan.judged_memory)
+    seeds = tuple(range(FIRST_SCORE_SEED, FIRST_SCORE_SEED + settings.score_seeds))
+    n_episodes = len(memories) * len(seeds)
+    with Display({"scoring": n_episodes * (2 + (settings.env != plan.env))}) as display:
+
+        def play(env_id: str, deterministic: bool, n_before: int) -> Score:
+            return evaluate_policy(
+                trained, env_id, memories, seeds, deterministic, lambda done: display.show("scoring", n_before + done)
+            )
+
+        best = max(play(plan.env, True, 0), play(plan.env, False, n_episodes), key=lambda score: score.mean)
+        return best if settings.env == plan.env else play(settings.env, best.deterministic, 2 * n_episodes)
+
+
+def _command(settings: TrainAgentSettings, plan: TrainingPlan) -> str:
+    """Return the command that trains this agent again, without the places of this machine."""
+    words = [f"creative-nao agent train {plan.hyperparameters.algorithm} --env {settings.env}"]
+    if plan.env != settings.env:
+        words.append(f"--train-env {plan.env}")
+    words.append(f"--seed {settings.seed} --timesteps {plan.hyperparameters.n_timesteps}")
+    if settings.conf_file is not None:
+        words.append(f"--conf-file {settings.conf_file.name}")
+    if settings.augment is not None:
+        words.append(f"--augment {settings.augment}")
+    words += changed_flags(
+        settings, ("memory", "validation_memory", "evaluation_interval", "judged_seeds", "score_seeds")
+    )
+    return " ".join([*words, f"--out {settings.out.name}"])
+
+
+def _training_lines(figures: dict[str, Any]) -> Iterator[str]:
+    reward = figures["validation_reward"]
+    how = "likeliest actions" if figures["deterministic"] else "drawn actions"
+    yield f"{figures['bundle']}: {figures['agent']}, {figures['n_decisions']} decisions, {how}"
+    yield (
+        f"reward on validation memories in {figures['env']}: {reward['mean']:.2f} "
+        f"({reward['low']:.2f} to {reward['high']:.2f}), {figures['n_episodes']} episodes; "
+        f"untrained {figures['untrained_reward']:.2f}"
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -161,6 +346,8 @@ def run_tune(settings: TuneAgentSettings) -> int:
     return 0
 
 
-def run(settings: RunAgentSettings | TuneAgentSettings) -> int:
+def run(settings: TrainAgentSettings | RunAgentSettings | TuneAgentSettings) -> int:
     """Run the command chosen."""
+    if isinstance(settings, TrainAgentSettings):
+        return run_train(settings)
     return run_episodes(settings) if isinstance(settings, RunAgentSettings) else run_tune(settings)

@@ -115,7 +115,7 @@ COMMANDS = {
     "score": ("score", "ScoreSettings", "score recorded movements against the basic actions"),
     "infer": ("infer", "InferSettings", "find the point of a memory's PB space that makes a recorded movement"),
     "export": ("export", "ExportSettings", "write a movement for a robot, another program, or as a film"),
-    "agent train": ("agent_train", "TrainAgentSettings", "train an agent that learns to explore a memory"),
+    "agent train": ("agent", "TrainAgentSettings", "train an agent that learns to explore a memory"),
     "agent tune": ("agent", "TuneAgentSettings", "search hyperparameters on validation memories"),
     "agent run": ("agent", "RunAgentSettings", "let an agent play and print what it earned"),
     "explore": ("explore", "ExploreSettings", "touch a memory in the browser and watch the robot do what is there"),

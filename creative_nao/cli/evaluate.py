@@ -108,11 +108,7 @@ class VerifySettings(JobOptions):
                 path, trusted=self.trust, n_sample=self.sample, row=self.row, executor=executor_for(self),
                 on_progress=show,
             )  # fmt: skip
-        figures = {
-            "holds": verification.holds,
-            "exact": verification.exact,
-            **dataclasses.asdict(verification),
-        }
+        figures = {"holds": verification.holds, "exact": verification.exact, **dataclasses.asdict(verification)}
         if not self.json:
             (Console() if sys.stdout.isatty() else Console(width=140)).print(_table(verification, path))
         print_result(figures, _lines(verification, path), as_json=self.json)
@@ -120,11 +116,7 @@ class VerifySettings(JobOptions):
 
 
 def run(settings: EvaluateSettings | VerifySettings | LeaderboardSettings) -> int:
-    """Run the command chosen and return the exit code: 0, 1 where a file does not hold, or 130 after Ctrl-C.
-
-    Raises:
-        CreativeNaoError: If the user made a mistake, or a job failed at every attempt.
-    """
+    """Run the command chosen and return the exit code: 0, 1 where a file does not hold, or 130 after Ctrl-C."""
     if not isinstance(settings, EvaluateSettings):
         return settings.run()
     if settings.suite not in SUITE_NAMES and not settings.suite.endswith(SUFFIX):
@@ -184,11 +176,7 @@ def run_suite(
 
 
 def executor_for(options: JobOptions) -> Executor:
-    """Return where the jobs run.
-
-    Raises:
-        SettingsError: If the options contradict each other.
-    """
+    """Return where the jobs run."""
     checked(Count | None, options.n_workers, "--n-workers")
     if options.scheduler is not None:
         if options.n_workers is not None:

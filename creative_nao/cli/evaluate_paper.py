@@ -45,11 +45,7 @@ class PaperOptions:
 
 
 def run(asked: PaperOptions) -> int:
-    """Reproduce the paper and return the exit code: 0, or 130 after Ctrl-C.
-
-    Raises:
-        CreativeNaoError: If the user made a mistake, or no network of a condition could be trained.
-    """
+    """Reproduce the paper and return the exit code: 0, or 130 after Ctrl-C."""
     check_options(asked)
     checked(Count | None, asked.n_workers, "--n-workers")
     settings = paper_settings(quick=asked.quick, retrain=asked.retrain, seed=asked.seed)

@@ -83,12 +83,7 @@ def run(settings: ExploreSettings) -> int:
 
 
 def choices(folder: Path) -> np.ndarray:
-    """Return the PB points that the agents of a run folder chose, shape (n, 2), at most the first 5,000.
-
-    Raises:
-        NotFoundError: If the folder has no episodes.
-        FileFormatError: If they cannot be read.
-    """
+    """Return the PB points that the agents of a run folder chose, shape (n, 2), at most the first 5,000."""
     path = folder / "episodes.csv"
     if not path.is_file():
         raise NotFoundError(f"no {path}; --run takes a folder that `creative-nao evaluate` wrote")

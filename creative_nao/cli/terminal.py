@@ -60,14 +60,10 @@ class Display:
     def show(
         self, name: str, done: int, note: str = "", *, total: int | None = None, seconds_left: float | None = None
     ) -> None:
-        """Report how far a piece is.
+        """Report the finished units of a piece, with a figure to show beside.
 
-        Args:
-            name: The piece.
-            done: Finished units.
-            note: A figure to show beside.
-            total: Units of the piece, where that was not known before.
-            seconds_left: Time left of all pieces [s]; default: estimated from what was done so far.
+        `total` is for a piece whose units were not known before; the time left of all pieces, `seconds_left` [s], is
+        estimated from what was done so far unless given.
         """
         with self._lock:
             self._totals[name] = total = self._totals[name] if total is None else total
@@ -137,10 +133,7 @@ def refuse_leftovers(checkpoints: Iterable[Path]) -> None:
 def changed_flags(settings: Any, names: Iterable[str] | None = None, group: str = "") -> list[str]:
     """Return the flags of a settings dataclass that differ from their defaults, as one would type them.
 
-    Args:
-        settings: The settings.
-        names: Fields to look at; default: all.
-        group: What stands before each flag, such as ``network.``.
+    Only the fields `names` are looked at, if given; `group`, such as ``network.``, stands before each flag.
     """
     words = []
     for field in dataclasses.fields(settings):

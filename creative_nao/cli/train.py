@@ -61,11 +61,7 @@ class TrainSettings:
 
 
 def run(settings: TrainSettings) -> int:
-    """Train, write the memories, print how well each basic action comes back in closed loop.
-
-    Raises:
-        TrainingError: If the only network wanted could not be trained.
-    """
+    """Train, write the memories, print how well each basic action comes back in closed loop."""
     wanted = _wanted(settings)
     many = len(wanted) > 1
     paths = {one: settings.out / f"{file_stem(one)}.safetensors" if many else settings.out for one in wanted}
