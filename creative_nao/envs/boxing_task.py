@@ -65,11 +65,6 @@ class Nao(composer.Entity):
         return self._mjcf_root
 
     @property
-    def actuators(self) -> list[Any]:
-        """The 25 position servos."""
-        return self._mjcf_root.find_all("actuator")
-
-    @property
     def arm_joints(self) -> list[Any]:
         """The eight arm hinges, in the order of `joints.JOINTS`."""
         return [self._mjcf_root.find("joint", joint) for joint in JOINTS]
@@ -109,24 +104,19 @@ class Bag(composer.Entity):
         """The bag alone."""
         return self._mjcf_root
 
-    @property
-    def swing_joints(self) -> list[Any]:
-        """The two hinges at the hook: about x (sideways) and about y (away from the robot)."""
-        return self._mjcf_root.find_all("joint")
-
 
 class BagObservables(composer.Observables):
-    """How the bag swings; off until enabled."""
+    """How the bag swings about x (sideways) and y (away from the robot) at its hook; off until enabled."""
 
     @define.observable
     def swing(self) -> observable.MJCFFeature:
         """Angles of both hinges [rad], shape (2,)."""
-        return observable.MJCFFeature("qpos", self._entity.swing_joints)
+        return observable.MJCFFeature("qpos", self._entity.mjcf_model.find_all("joint"))
 
     @define.observable
     def swing_velocity(self) -> observable.MJCFFeature:
         """Angular speeds of both hinges [rad/s], shape (2,)."""
-        return observable.MJCFFeature("qvel", self._entity.swing_joints)
+        return observable.MJCFFeature("qvel", self._entity.mjcf_model.find_all("joint"))
 
 
 class BoxingTask(composer.Task):

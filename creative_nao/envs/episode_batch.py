@@ -120,11 +120,7 @@ class EpisodeBatch:
         self._excursion_limit[env_id] = spec.excursion_limit
 
     def reset(self, env_id: int, wanted: str | None, rng: Callable[[], np.random.Generator]) -> None:
-        """Begin an episode, with the memory named `wanted` or one drawn with `rng()`.
-
-        Raises:
-            NotFoundError: If there is no such memory in this environment.
-        """
+        """Begin an episode, with the memory named `wanted` (NotFoundError: not here) or one drawn with `rng()`."""
         spec = self.memories.draw(rng) if wanted is None else self.memories.named(wanted)
         if spec is self.specs[env_id]:
             self.archive.clear(env_id)
@@ -315,12 +311,7 @@ class EpisodeBatch:
         return values, arrays
 
     def set_state(self, env_id: int, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-        """Restore what `get_state` returned.
-
-        Raises:
-            NotFoundError: If its memory is none of this environment's.
-            SettingsError: If a movement under way does not fit the memory's network.
-        """
+        """Restore what `get_state` returned; the errors are those of `MemorySet.named` and `RolloutBatch.set_state`."""
         self._use(env_id, self.memories.named(values["memory"], "`state`"))
         self.n_done[env_id] = values["n_actions"]
         self.observations.set_vector(env_id, arrays["observation"])

@@ -70,10 +70,7 @@ class ThreadPool:
     """Threads that share the work on a batch; started when first needed, copies and pickles start their own.
 
     Args:
-        n_threads: How many; None for one a processor core.
-
-    Raises:
-        SettingsError: If it is below 1.
+        n_threads: How many, at least 1; None for one a processor core.
     """
 
     def __init__(self, n_threads: int | None = None) -> None:
@@ -196,11 +193,7 @@ class PhysicsPool:
 def imagined_executions(
     shared: SharedScene, joints: tuple[str, ...], generated: np.ndarray, dt_s: Sequence[float]
 ) -> list[Execution]:
-    """Return generated movements (m, n_steps, n_joints) [rad] as executed without physics, with snapshots to show them.
-
-    Raises:
-        SettingsError: If these are not the joints of the NAO's arms.
-    """
+    """Return generated movements (m, n_steps, n_joints) [rad] as if executed, with snapshots; only NAO arms."""
     if joints != JOINTS:
         raise SettingsError(
             f"only movements of the joints {', '.join(JOINTS)} can be drawn, but this memory has {', '.join(joints)}"

@@ -66,11 +66,7 @@ class RewardSpec:
         self.excursion_limit = excursion_limit(basic, criteria)
 
     def generate(self, pb: np.ndarray) -> np.ndarray:
-        """Return the movements of PB points (n, n_pb), (n, n_steps, n_joints) [rad].
-
-        Raises:
-            ShapeError: If the memory does not return trajectories of this shape.
-        """
+        """Return the movements of PB points (n, n_pb), (n, n_steps, n_joints) [rad]; another shape: ShapeError."""
         trajectories = self.memory.generate(pb)
         expected = len(pb), self.n_steps, len(self.demonstrations.joints)
         if np.shape(trajectories) != expected:
@@ -126,11 +122,7 @@ class MemorySet:
         return self._specs[name]
 
     def named(self, wanted: str, where: str = 'options["memory"]') -> RewardSpec:
-        """Return the memory of this name.
-
-        Raises:
-            NotFoundError: If it is none of the environment's.
-        """
+        """Return the memory of this name; if it is none of the environment's, it raises NotFoundError."""
         known = self.names or (self.first.name,)
         if wanted not in known:
             raise NotFoundError(

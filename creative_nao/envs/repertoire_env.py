@@ -80,11 +80,6 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         """The movements accepted in this episode, each (n_steps, n_joints) [rad], as copies."""
         return self._batch.archive.accepted(0)
 
-    @property
-    def scene(self) -> Any:
-        """Ring, robot and bag; built when first needed."""
-        return self._batch.shared.scene
-
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
@@ -166,22 +161,14 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
 
 
 def checked_options(options: Any) -> dict[str, Any]:
-    """Return the options of `reset`, an empty dictionary for None.
-
-    Raises:
-        SettingsError: If they are no dictionary.
-    """
+    """Return the options of `reset`, an empty dictionary for None; what is no dictionary raises SettingsError."""
     if not isinstance(options, dict | None):
         raise SettingsError(f"`options` should be a dictionary or None, but is {shown(options)}")
     return options or {}
 
 
 def checked_pb(action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
-    """Return PB vectors as float64, clipped to [-1, 1].
-
-    Raises:
-        ShapeError: If they do not have this shape or are not finite.
-    """
+    """Return PB vectors as float64, clipped to [-1, 1]; another shape or what is not finite raises ShapeError."""
     try:
         pb = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError):

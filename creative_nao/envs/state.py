@@ -46,10 +46,7 @@ class EnvState:
     arrays: dict[str, np.ndarray]
 
     def check(self, like: EnvState) -> None:
-        """Refuse a state of another environment, or one whose parts are not of the kind and size they should be.
-
-        Args:
-            like: The present state of the environment that is to take this one.
+        """Refuse a state that does not fit an environment whose present state is `like`, in kind, size or range.
 
         Raises:
             SettingsError: Naming the part.
@@ -80,12 +77,7 @@ class EnvState:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> EnvState:
-        """Read a file of `save`.
-
-        Raises:
-            NotFoundError: If there is no such file.
-            FileFormatError: If it is torn or foreign.
-        """
+        """Read a file of `save`; a missing one raises NotFoundError, a torn or foreign one FileFormatError."""
         values, arrays = load_tensors(path, kind=KIND)
         header = parse(StateHeader, values, f"{path}: header")
         for name, array in arrays.items():
@@ -120,11 +112,7 @@ def generator_state(rng: np.random.Generator | None) -> dict[str, Any] | None:
 
 
 def generator_from(state: dict[str, Any] | None) -> np.random.Generator | None:
-    """Return a generator in this state.
-
-    Raises:
-        SettingsError: If it is no state of Gymnasium's generator.
-    """
+    """Return a generator in this state; what is no state of Gymnasium's generator raises SettingsError."""
     if state is None:
         return None
     bits = np.random.PCG64()

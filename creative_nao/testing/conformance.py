@@ -58,7 +58,10 @@ def check_memory(memory: Any, *, seed: int = 0) -> None:
     """
     basic: Any = getattr(memory, "demonstrations", None)
     require(isinstance(basic, Demonstrations), "`demonstrations` should be a Demonstrations", type(basic).__name__)
-    known = _check_learned_pb(memory, basic.n_actions)
+    known = np.asarray(getattr(memory, "pb", None))
+    shaped = known.ndim == 2 and len(known) == basic.n_actions and known.shape[1] > 0
+    require(shaped, f"`pb` should have shape ({basic.n_actions}, n_pb), a row for each basic action", known.shape)
+    require(np.isfinite(known).all() and (np.abs(known) <= 1).all(), "`pb` should lie in [-1, 1]", known.tolist())
     for name in ("joints", "dt_s"):
         expected, found = getattr(basic, name), getattr(memory, name, None)
         require(found == expected, f"`{name}` should be that of the demonstrations, {expected}", found)
@@ -70,14 +73,6 @@ def check_memory(memory: Any, *, seed: int = 0) -> None:
     require(np.shape(shorter)[1:2] == (n_steps - 1,), f"n_steps={n_steps - 1} should be obeyed", np.shape(shorter))
     start = generated[:, 0]
     require((start == start[0]).all(), "row 0 should be one initial posture, whatever the PB", "several")
-
-
-def _check_learned_pb(memory: Any, n_actions: int) -> np.ndarray:
-    pb = np.asarray(getattr(memory, "pb", None))
-    shaped = pb.ndim == 2 and len(pb) == n_actions and pb.shape[1] > 0
-    require(shaped, f"`pb` should have shape ({n_actions}, n_pb), a row for each basic action", pb.shape)
-    require(np.isfinite(pb).all() and (np.abs(pb) <= 1).all(), "`pb` should lie in [-1, 1]", pb.tolist())
-    return pb
 
 
 def _check_form(memory: Any, pb: np.ndarray, n_steps: int, n_joints: int) -> np.ndarray:
