@@ -15,10 +15,10 @@ from typing import Any
 
 from creative_nao import storage
 from creative_nao.errors import SettingsError
-from creative_nao.evaluation.leaderboard import Results, check_published, entries_of, leaderboard, with_record
+from creative_nao.evaluation.leaderboard import Results, check_published, leaderboard, with_record
 from creative_nao.evaluation.pages import render
 from creative_nao.evaluation.paper.page import PAGE, RESULT_FILES, make_page, read_content
-from creative_nao.evaluation.results import Entry, naming, read_results, verdict
+from creative_nao.evaluation.results import Entry, entries_of, naming, read_results, verdict
 from creative_nao.evaluation.run import read_record
 
 DOCS = Path(__file__).parent

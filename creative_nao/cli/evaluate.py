@@ -186,7 +186,7 @@ def executor_for(options: JobOptions) -> Executor:
         from creative_nao.evaluation.runner import DaskExecutor
 
         return DaskExecutor(options.scheduler)
-    return LocalExecutor.on_all_cores() if options.n_workers is None else LocalExecutor(options.n_workers)
+    return LocalExecutor() if options.n_workers is None else LocalExecutor(options.n_workers)
 
 
 @contextlib.contextmanager

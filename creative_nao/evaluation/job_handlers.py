@@ -37,9 +37,7 @@ REPORT_EVERY_S = 0.5
 def train_memory(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
     """Train a memory on other demonstrations and write it; return how well it learned."""
     start = time.perf_counter()
-    training = TrainingSettings(
-        closed_loop_ratio=spec["closed_loop_ratio"], n_epochs=spec["n_epochs"], seed=spec["seed"]
-    )
+    training = TrainingSettings(**{name: spec[name] for name in ("closed_loop_ratio", "n_epochs", "seed")})
     if spec["demonstrations"] is not None:
         demonstrations = load_demonstrations(spec["demonstrations"])
     else:  # the six actions again, by a hand with another seed
@@ -105,15 +103,8 @@ def play_episodes(spec: dict[str, Any], folder: Path, report: Report) -> dict[st
             try:
                 for place, seed in enumerate(spec["seeds"], first * len(spec["seeds"])):
                     agent = resolve_agent(spec["agent"], folder / spec["bundles"][place] if spec["bundles"] else None)
-                    episode = play(
-                        agent,
-                        env,
-                        env_id=env_id,
-                        memory=memory["name"],
-                        seed=seed,
-                        base_seed=spec["base_seed"],
-                        n_actions=spec["n_actions"],
-                    )
+                    counts = {name: spec[name] for name in ("base_seed", "n_actions")}
+                    episode = play(agent, env, env_id=env_id, memory=memory["name"], seed=seed, **counts)
                     episodes.append(dump(episode))
                     report(len(episodes) / total)
             finally:
@@ -160,13 +151,11 @@ def main(arguments: list[str]) -> int:
     job, folder = read_spec(Path(arguments[0])), Path(arguments[1])
     try:
         write_result(job, folder, HANDLERS[job.kind](job.spec, folder, _reporter(job.file(folder, ".progress"))))
-    except CreativeNaoError as error:
-        sys.stderr.write(f"{error}\n")
-        return 2
-    except OSError as error:
-        if error.errno not in storage.DISK_FAULTS:
+    except (CreativeNaoError, OSError) as error:
+        is_ours = isinstance(error, CreativeNaoError)
+        if not is_ours and error.errno not in storage.DISK_FAULTS:
             raise
-        sys.stderr.write(f"{error.filename}: {error.strerror}\n")
+        sys.stderr.write(f"{error}\n" if is_ours else f"{error.filename}: {error.strerror}\n")
         return 2
     return 0
 

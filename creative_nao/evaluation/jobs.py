@@ -19,6 +19,8 @@ PARENT = "CREATIVE_NAO_RUNNER"
 STARTING_S = 4.0
 """Expected seconds until a job's process has loaded physics and network."""
 
+Kind = Literal["teach", "train", "play", "chart"]
+
 
 @record
 class Job:
@@ -37,7 +39,7 @@ class Job:
     """
 
     name: PlainName
-    kind: Literal["teach", "train", "play", "chart"]
+    kind: Kind
     title: Annotated[str, Field(max_length=10_000)]
     spec: JsonObject
     needs: tuple[str, ...] = ()
@@ -135,64 +137,56 @@ def _memory(suite: Suite, name: str) -> dict[str, Any]:
     return {"name": name, "file": file}
 
 
-def _after(*jobs: Job | None) -> dict[str, Any]:
-    """Return what a job needs and reads of those before it."""
-    needed = [job for job in jobs if job is not None]
-    return {"needs": tuple(job.name for job in needed), "reads": tuple(file for job in needed for file in job.writes)}
+def _job(
+    kind: Kind, name: str, title: str, spec: dict[str, Any], work_s: float, *needed: Job | None, writes: str = ""
+) -> Job:
+    """Return a job that takes `work_s` seconds once it has started, after those whose files it reads."""
+    before = [job for job in needed if job is not None]
+    return Job(
+        name=f"{kind}-{name}",
+        kind=kind,
+        title=title,
+        spec=spec,
+        needs=tuple(job.name for job in before),
+        reads=tuple(file for job in before for file in job.writes),
+        writes=(writes,) if writes else (),
+        seconds=STARTING_S + work_s,
+    )
 
 
 def _train_memory(suite: Suite, memory: str) -> Job:
     assert suite.taught is not None
     file = _memory(suite, memory)["file"]
-    settings = {key: value for key, value in dataclasses.asdict(suite.taught).items() if key != "seeds"}
-    return Job(
-        name=f"teach-{slug(memory)}",
-        kind="teach",
-        title=f"train memory {memory}",
-        spec={**settings, "seed": suite.taught_seed(memory), "memory": memory, "file": file},
-        writes=(file,),
-        seconds=STARTING_S + suite.taught.n_epochs / 1500.0,
-    )
+    spec = {key: value for key, value in dataclasses.asdict(suite.taught).items() if key != "seeds"}
+    spec |= {"seed": suite.taught_seed(memory), "memory": memory, "file": file}
+    return _job("teach", slug(memory), f"train memory {memory}", spec, suite.taught.n_epochs / 1500.0, writes=file)
 
 
 def _train_agent(suite: Suite, agent: str, memory: str, seed: int, base_seed: int, training: Job | None) -> Job:
-    bundle = f"agents/{agent}-{slug(memory)}-{seed}.safetensors"
-    return Job(
-        name=f"train-{agent}-{slug(memory)}-{seed}",
-        kind="train",
-        title=f"train {agent}, seed {seed}",
-        spec={
-            "agent": agent,
-            "env": suite.training_env,
-            "memory": _memory(suite, memory),
-            "seed": seed,
-            "base_seed": base_seed,
-            "settings": dataclasses.asdict(suite.ppo),
-            "bundle": bundle,
-        },
-        writes=(bundle,),
-        seconds=STARTING_S + suite.ppo.n_generated / 3500.0,
-        **_after(training),
-    )
+    name = f"{agent}-{slug(memory)}-{seed}"
+    spec = {
+        "agent": agent,
+        "env": suite.training_env,
+        "memory": _memory(suite, memory),
+        "seed": seed,
+        "base_seed": base_seed,
+        "settings": dataclasses.asdict(suite.ppo),
+        "bundle": f"agents/{name}.safetensors",
+    }
+    title, work_s = f"train {agent}, seed {seed}", suite.ppo.n_generated / 3500.0
+    return _job("train", name, title, spec, work_s, training, writes=spec["bundle"])
 
 
 def _score_map(suite: Suite, memory: str, training: Job | None) -> Job:
-    file = f"maps/{slug(memory)}.npz"
-    return Job(
-        name=f"chart-{slug(memory)}",
-        kind="chart",
-        title=f"chart {memory} and search it with the oracle",
-        spec={
-            "env": suite.training_env,
-            "memory": _memory(suite, memory),
-            "resolution": suite.resolution,
-            "n_actions": suite.n_actions,
-            "chart": file,
-        },
-        writes=(file,),
-        seconds=STARTING_S + suite.resolution**2 / 5000.0,
-        **_after(training),
-    )
+    spec = {
+        "env": suite.training_env,
+        "memory": _memory(suite, memory),
+        "resolution": suite.resolution,
+        "n_actions": suite.n_actions,
+        "chart": f"maps/{slug(memory)}.npz",
+    }
+    title, work_s = f"chart {memory} and search it with the oracle", suite.resolution**2 / 5000.0
+    return _job("chart", slug(memory), title, spec, work_s, training, writes=spec["chart"])
 
 
 def _play(
@@ -204,23 +198,18 @@ def _play(
     reach = f"{slug(memories[0])}-to-{slug(memories[-1])}" if len(memories) > 1 else slug(memories[0])
     whom = f"judge {agent}" if len(memories) == 1 else f"judge {agent} on {len(memories)} memories"
     which = f"seeds {seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else f"seed {seeds[0]}"
-    return Job(
-        name=f"play-{slug(agent)}-{reach}-{seeds[0]}-{seeds[-1]}",
-        kind="play",
-        title=f"{whom}, {which}",
-        spec={
-            "agent": agent,
-            "envs": list(suite.envs),
-            "memories": [_memory(suite, memory) for memory in memories],
-            "seeds": list(seeds),
-            "base_seed": base_seed,
-            "n_actions": suite.n_actions,
-            # Memory by memory, seed by seed; empty for an agent that is not trained here.
-            "bundles": [job.spec["bundle"] for job in trained],
-            # What made bundles and memories decides the result too.
-            "made_by": [job.described() for job in (*trained, *taught)],
-        },
-        seconds=STARTING_S
-        + len(seeds) * len(memories) * suite.n_actions * sum(cost.get(env, 0.01) for env in suite.envs),
-        **_after(*trained, *taught),
-    )
+    spec = {
+        "agent": agent,
+        "envs": list(suite.envs),
+        "memories": [_memory(suite, memory) for memory in memories],
+        "seeds": list(seeds),
+        "base_seed": base_seed,
+        "n_actions": suite.n_actions,
+        # Memory by memory, seed by seed; empty for an agent that is not trained here.
+        "bundles": [job.spec["bundle"] for job in trained],
+        # What made bundles and memories decides the result too.
+        "made_by": [job.described() for job in (*trained, *taught)],
+    }
+    work_s = len(seeds) * len(memories) * suite.n_actions * sum(cost.get(env, 0.01) for env in suite.envs)
+    name = f"{slug(agent)}-{reach}-{seeds[0]}-{seeds[-1]}"
+    return _job("play", name, f"{whom}, {which}", spec, work_s, *trained, *taught)

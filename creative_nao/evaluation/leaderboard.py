@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from creative_nao.evaluation.pages import env_label, render
-from creative_nao.evaluation.results import MAX_ROWS, Entry, Label, MeanInterval, naming, read_results
+from creative_nao.evaluation.results import MAX_ROWS, Label, MeanInterval, entries_of, naming, read_results
 from creative_nao.evaluation.run import RunRecord, read_record
 from creative_nao.schema import Count, Field, Index, PlainName, Text, parse, record
 
@@ -68,11 +68,6 @@ def leaderboard(published: Mapping[str, Results]) -> str:
             packages = ", ".join(f"{name} {versions[name]}" for name in PACKAGES if name in versions)
             suites.append((path, results, groups, packages))
         return render("leaderboard.md.jinja", suites=suites)
-
-
-def entries_of(results: Results, env: str, by: str = "reward") -> list[Entry]:
-    """Return the summary of one environment, the highest figure first."""
-    return sorted((e for e in results["summary"] if e["env"] == env), key=lambda entry: -entry[by]["mean"])
 
 
 def check_published(results: dict[str, Any], path: Path) -> None:

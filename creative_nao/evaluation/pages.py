@@ -29,9 +29,7 @@ DASH = "\N{EN DASH}"
 """Stands where there is no figure."""
 MARKDOWN = ".md.jinja"
 IMAGE_TYPES = {".png": "image/png", ".svg": "image/svg+xml"}
-_MARKUP = str.maketrans(
-    {mark: f"\\{mark}" for mark in "\\`|*[]"} | {"<": "&lt;", ">": "&gt;", "&": "&amp;"}
-)  # fmt: skip
+_MARKUP = str.maketrans({mark: f"\\{mark}" for mark in "\\`|*[]"} | {"<": "&lt;", ">": "&gt;", "&": "&amp;"})
 
 
 def render(template: str, folder: Path | None = None, /, **values: Any) -> str:
@@ -69,11 +67,8 @@ def _visible(value: Any) -> Any:
     """Replace control characters, marks of direction and other invisible characters in text."""
     if not isinstance(value, str) or value.isprintable():
         return value
-    return type(value)("".join("\N{REPLACEMENT CHARACTER}" if _is_hidden(letter) else letter for letter in value))
-
-
-def _is_hidden(letter: str) -> bool:
-    return letter not in "\n\t" and unicodedata.category(letter) in ("Cc", "Cf", "Cs", "Zl", "Zp")
+    hidden = {x for x in value if x not in "\n\t" and unicodedata.category(x) in ("Cc", "Cf", "Cs", "Zl", "Zp")}
+    return type(value)("".join("\N{REPLACEMENT CHARACTER}" if letter in hidden else letter for letter in value))
 
 
 def md(text: str) -> str:
@@ -217,7 +212,6 @@ def terminal_table(results: Mapping[str, Any]) -> Table:
     rows = results["rows"]
     memories = list(dict.fromkeys(row["memory"] for row in rows))
     several = len(memories) > 1
-    titles = SUMMARY_TITLES if several else TITLES
     subject = f"{len(memories)} memories" if several else f"memory {memories[0]}"
     table = Table(
         title=f"Suite {results['suite']}: {subject}, {rows[0]['n_seeds']} seeds, {rows[0]['n_actions']} actions each",
@@ -228,7 +222,7 @@ def terminal_table(results: Mapping[str, Any]) -> Table:
     )
     table.add_column("agent", style="bold")
     table.add_column("environment")
-    for title in titles:
+    for title in SUMMARY_TITLES if several else TITLES:
         table.add_column(escape(title), justify="right")
     entries = results["summary"] if several else rows
     for place, entry in enumerate(entries):

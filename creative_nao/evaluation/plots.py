@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from creative_nao.evaluation.pages import env_label
 from creative_nao.evaluation.protocol import Episode
-from creative_nao.evaluation.results import Entry, Measured
+from creative_nao.evaluation.results import Entry, Measured, entries_of
 from creative_nao.evaluation.suites import Suite
 from creative_nao.maps.figure_style import BLUE, FAINT, GREEN, INK, ORANGE, OUTCOME_COLOURS, figure
 
@@ -55,6 +55,8 @@ MAX_BINS = 40
 FEW = 4
 """Most agents whose curves have bands, and room for a legend between them."""
 ORACLE = {"color": INK, "linestyle": (0, (1, 1.5)), "linewidth": 1.6}
+PROFILE = ("threshold", "share_above", "low", "high")
+REFERENCE = {"color": FAINT, "linestyle": (0, (4, 2)), "linewidth": 1.2, "zorder": 0}
 
 
 def rewards(suite: Suite, results: Mapping[str, Any], measured: Measured, memory: str) -> Figure:
@@ -158,24 +160,24 @@ def outcomes(suite: Suite, measured: Measured, memory: str) -> Figure:
 
 def standing(results: Mapping[str, Any]) -> Figure:
     """Draw each agent's mean reward (marker) and interquartile mean (line) with intervals, best above."""
-    drawn, axes, ranked = _one_per_env(results["summary"])
-    for ax, entries in zip(axes, ranked, strict=True):
+    drawn, axes = _one_per_env(results["summary"])
+    for ax, entries in axes:
         for place, entry in enumerate(reversed(entries)):
             _interval(ax, entry["reward"], place, entry["agent"])
             ax.plot([entry["reward_iqm"]["mean"]] * 2, [place - 0.28, place + 0.28], color=INK, linewidth=1.4)
             if entry["agent"] == results["baseline"]:
-                _reference(ax, entry["reward"]["mean"])
+                ax.axvline(entry["reward"]["mean"], **REFERENCE)
         ax.set_xlabel("reward of an episode")
     return drawn
 
 
 def improvement(results: Mapping[str, Any]) -> Figure:
     """Draw how probable it is that an episode of each agent earns more than one of the baseline."""
-    drawn, axes, ranked = _one_per_env([entry for entry in results["summary"] if entry["versus"] is not None])
-    for ax, entries in zip(axes, ranked, strict=True):
+    drawn, axes = _one_per_env([entry for entry in results["summary"] if entry["versus"] is not None])
+    for ax, entries in axes:
         for place, entry in enumerate(reversed(entries)):
             _interval(ax, entry["versus"]["probability_of_improvement"], place, entry["agent"], scale=100.0)
-        _reference(ax, 50.0)
+        ax.axvline(50.0, **REFERENCE)
         baseline = agent_label(results["baseline"])
         ax.set(xlabel=f"better than an episode of {baseline} [%]", xlim=(0.0, 104.0))
     return drawn
@@ -187,13 +189,12 @@ def profiles(results: Mapping[str, Any]) -> Figure:
     drawn, (ax,) = figure(WIDTH, 4.2)
     largest = 0.0
     for entry in sorted(entries, key=lambda entry: -entry["oracle_share"]["mean"]):
-        profile = {name: 100.0 * np.array(values) for name, values in entry["profile"].items()}
-        share, low, high = profile["threshold"], profile["low"], profile["high"]
+        share, above, low, high = 100.0 * np.array([entry["profile"][name] for name in PROFILE])
         ax.fill_between(share, low, high, color=agent_colour(entry["agent"]), alpha=0.12, linewidth=0)
-        _line(ax, share, profile["share_above"], entry["agent"])
+        _line(ax, share, above, entry["agent"])
         largest = max(largest, float(share[(high > 0.0).nonzero()[0][-1]]))
-    ax.set(xlabel="share of the oracle's reward [%]", ylabel="episodes above it [%]", ylim=(0.0, 102.0))
-    ax.set_xlim(0.0, min(100.0, largest + 10.0))
+    limits = {"xlim": (0.0, min(100.0, largest + 10.0)), "ylim": (0.0, 102.0)}
+    ax.set(xlabel="share of the oracle's reward [%]", ylabel="episodes above it [%]", **limits)
     _legend_beside(ax)
     return drawn
 
@@ -212,8 +213,7 @@ def regret(suite: Suite, measured: Measured) -> Figure:
             curves[agent] = np.mean([best[episode.memory] - _gathered(episode) for episode in episodes], axis=0)
     for agent, curve in sorted(curves.items(), key=lambda item: -item[1][-1]):
         _line(ax, np.arange(len(curve)), curve, agent, markevery=5)
-    ax.set(xlabel="actions generated", ylabel="reward behind the oracle", xlim=(0, suite.n_actions))
-    ax.set_ylim(bottom=0.0)
+    ax.set(xlabel="actions generated", ylabel="reward behind the oracle", xlim=(0, suite.n_actions), ylim=(0.0, None))
     _legend_beside(ax)
     return drawn
 
@@ -224,21 +224,21 @@ def _gathered(episode: Episode) -> np.ndarray:
 
 
 def _binned(n_actions: Sequence[int], values: Sequence[float], edges: np.ndarray) -> np.ndarray:
-    place = np.clip(np.digitize(n_actions, edges, right=True) - 1, 0, len(edges) - 2)
-    total = np.bincount(place, weights=values, minlength=len(edges) - 1)
-    count = np.bincount(place, minlength=len(edges) - 1)
-    return np.divide(total, count, out=np.full(len(edges) - 1, np.nan), where=count > 0)
+    n_bins = len(edges) - 1
+    place = np.clip(np.digitize(n_actions, edges, right=True) - 1, 0, n_bins - 1)
+    total, count = np.bincount(place, values, n_bins), np.bincount(place, minlength=n_bins)
+    return np.divide(total, count, out=np.full(n_bins, np.nan), where=count > 0)
 
 
-def _one_per_env(summary: Sequence[Entry]) -> tuple[Figure, list[Axes], list[list[Entry]]]:
-    """Return a figure with axes for each environment, the agents below one another, and its entries, best first."""
+def _one_per_env(summary: Sequence[Entry]) -> tuple[Figure, list[tuple[Axes, list[Entry]]]]:
+    """Return a figure and, per environment, axes with the agents below one another and its entries, best first."""
     envs = list(dict.fromkeys(entry["env"] for entry in summary))
-    ranked = [sorted((e for e in summary if e["env"] == env), key=lambda e: -e["reward"]["mean"]) for env in envs]
+    ranked = [entries_of({"summary": summary}, env) for env in envs]
     drawn, axes = figure(WIDTH, 1.2 + 0.36 * max(map(len, ranked)), 1, len(envs))
     for ax, env, entries in zip(axes, envs, ranked, strict=True):
         _agents_below(ax, [entry["agent"] for entry in entries], margin=0.6)
         ax.set_title(f"{env_label(env)} environment")
-    return drawn, axes, ranked
+    return drawn, list(zip(axes, ranked, strict=True))
 
 
 def _agents_below(ax: Axes, agents: Sequence[str], margin: float) -> None:
@@ -262,10 +262,6 @@ def _interval(
 def _line(ax: Axes, x: np.ndarray, y: np.ndarray, agent: str, width: float = 1.8, markevery: int | None = None) -> None:
     look = {"color": agent_colour(agent), "marker": agent_marker(agent), "markersize": 5, "linewidth": width}
     ax.plot(x, y, label=agent_label(agent), markevery=markevery, **look)
-
-
-def _reference(ax: Axes, value: float) -> None:
-    ax.axvline(value, color=FAINT, linestyle=(0, (4, 2)), linewidth=1.2, zorder=0)
 
 
 def _legend_beside(ax: Axes) -> None:

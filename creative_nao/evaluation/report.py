@@ -25,7 +25,7 @@ from creative_nao.evaluation.jobs import slug
 from creative_nao.evaluation.pages import env_label
 from creative_nao.evaluation.plots import agent_colour, agent_label
 from creative_nao.evaluation.protocol import Episode
-from creative_nao.evaluation.results import Measured, Row, verdict
+from creative_nao.evaluation.results import Measured, Row, entries_of, verdict
 from creative_nao.evaluation.suites import Suite, actions_before, in_bundle, trained_here
 from creative_nao.joints import JOINTS
 from creative_nao.maps import PBMap
@@ -46,7 +46,6 @@ TICKS = (0, 3, 5, 7, 9, 11, 13, 16)
 """Ticks that are drawn, the first punch or what stands in its place: a movement repeats itself after it."""
 SIZE_PX = (170, 190)
 CAMERA = "close"
-VERDICTS = {"ahead": "ahead are", "open": "not to be told apart are", "behind": "behind are"}
 INTRODUCED = ("supervised", "random", "ppo", "oracle")
 """Agents that the report introduces in words of its own."""
 
@@ -92,31 +91,23 @@ def _introduction(agent: str) -> dict[str, Any]:
 def findings(suite: Suite, results: Mapping[str, Any], measured: Measured) -> dict[str, Any]:
     """Return the values of `findings.html.jinja`: a dictionary of figures for each sentence, with its `kind`."""
     found: list[dict[str, Any]] = []
-    if several := len(suite.memories) > 1:
-        for env in suite.envs:
-            found += _over_memories(env, [entry for entry in results["summary"] if entry["env"] == env])
+    several = len(suite.memories) > 1
+    for env in suite.envs:
+        if several:
+            entries = entries_of(results, env)
+            found.append({"kind": "overall", "env": env_label(env), "rows": entries})
+            if compared := [(verdict(entry), entry["agent"]) for entry in entries if entry["versus"] is not None]:
+                found.append({"kind": "compared", "verdicts": compared})
+        else:
+            found.append({"env": env_label(env), **_ranking([row for row in results["rows"] if row["env"] == env])})
     for memory in suite.memories:
-        if not several:
-            for env in suite.envs:
-                rows = [row for row in results["rows"] if (row["env"], row["memory"]) == (env, memory)]
-                found.append({"env": env_label(env), "memory": memory, **_ranking(rows)})
         found += _physics(suite, measured, memory)
-        if not several:
-            found.append({"kind": "map", "memory": memory, "oracle": measured.oracles[memory]})
     if several:
         earned = [sum(oracle.rewards) for oracle in measured.oracles.values()]
         found.append({"kind": "oracles", "least": min(earned), "most": max(earned)})
+    else:
+        found.append({"kind": "map", "oracle": measured.oracles[suite.memories[0]]})
     return {"findings": found, "suite": suite, "several_memories": several, "baseline": results["baseline"]}
-
-
-def _over_memories(env: str, entries: Sequence[Row]) -> list[dict[str, Any]]:
-    entries = sorted(entries, key=lambda entry: -entry["reward"]["mean"])
-    found: list[dict[str, Any]] = [{"kind": "overall", "env": env_label(env), "rows": entries}]
-    if compared := [entry for entry in entries if entry["versus"] is not None]:
-        named = {word: [e["agent"] for e in compared if verdict(e) == word] for word in VERDICTS}
-        parts = [(words, named[word]) for word, words in VERDICTS.items() if named[word]]
-        found.append({"kind": "compared", "parts": parts})
-    return found
 
 
 def _ranking(rows: Sequence[Row]) -> dict[str, Any]:
@@ -137,9 +128,7 @@ def _ranking(rows: Sequence[Row]) -> dict[str, Any]:
 def _physics(suite: Suite, measured: Measured, memory: str) -> list[dict[str, Any]]:
     """Compare, action by action, what the same PB vectors gave as the memory imagines them and in physics."""
     found = []
-    for env in suite.envs if suite.oracle_envs else ():
-        if env in suite.oracle_envs:
-            continue
+    for env in [env for env in suite.envs if suite.oracle_envs and env not in suite.oracle_envs]:
         imagined, performed = (
             # Agents that look at no results choose the same in both.
             [e for e in measured.episodes if (e.memory, e.env) == (memory, which) and _is_blind(e.agent)]
@@ -188,11 +177,10 @@ def draw_figures(
     several = len(suite.memories) > 1
     with styled():
         for memory in (None, *maps) if several else maps:
-            drawn = (
-                _draw_overall(suite, results, measured)
-                if memory is None
-                else _draw(folder, suite, results, measured, memory, maps[memory])
-            )
+            if memory is None:
+                drawn = _draw_overall(suite, results, measured)
+            else:
+                drawn = _draw(folder, suite, results, measured, memory, maps[memory])
             for name, picture in drawn.items():
                 file = f"{name}-{slug(memory)}.png" if several and memory is not None else f"{name}.png"
                 path = save(picture, folder / "figures" / file)
@@ -227,24 +215,19 @@ def _draw(
     if any(training.memory == memory for training in measured.trainings):
         drawn["training"] = plots.training(suite, measured, memory)
     env = suite.envs[0]
-    # No single PB vector makes a modulated movement again.
-    searched = memory_of(memory, folder) if memory == suite.memories[0] and "Modulation" not in env else None
-    if searched is not None:
-        rows = [row for row in results["rows"] if (row["env"], row["memory"]) == (env, memory)]
-        best = max(rows, key=lambda row: row["reward"]["mean"])["agent"]
-        if (strips := film(searched, measured.of(memory, env, best)[0])) is not None:
-            drawn["film"] = strips
-    return drawn
-
-
-def memory_of(name: str, folder: Path) -> Memory | None:
-    """Return a memory of a suite, from the run folder if it was trained there; None if it is no NAO's."""
-    own = folder / "memories" / f"{name.replace('/', '-')}.safetensors"
+    if memory != suite.memories[0] or "Modulation" in env:  # no single PB vector makes a modulated movement again
+        return drawn
+    own = folder / "memories" / f"{memory.replace('/', '-')}.safetensors"
     try:
-        memory = load_memory(own if own.is_file() else name)
-    except NotFoundError:
-        return None
-    return memory if tuple(memory.demonstrations.joints) == tuple(JOINTS) else None
+        searched = load_memory(own if own.is_file() else memory)
+    except NotFoundError:  # a name that only its environment knows
+        return drawn
+    rows = [row for row in results["rows"] if (row["env"], row["memory"]) == (env, memory)]
+    best = max(rows, key=lambda row: row["reward"]["mean"])["agent"]
+    is_nao = tuple(searched.demonstrations.joints) == tuple(JOINTS)
+    if is_nao and (strips := film(searched, measured.of(memory, env, best)[0])) is not None:
+        drawn["film"] = strips
+    return drawn
 
 
 def film(memory: Memory, episode: Episode) -> Figure | None:

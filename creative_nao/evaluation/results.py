@@ -7,6 +7,7 @@ works the file out, `read_results` checks a file before it is used.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import math
 from collections import Counter
@@ -144,6 +145,11 @@ def verdict(entry: Entry) -> str:
     return "ahead" if found["low"] > 0.0 else "behind"
 
 
+def entries_of(results: Mapping[str, Any], env: str, by: str = "reward") -> list[Entry]:
+    """Return the summary of one environment, the highest figure first."""
+    return sorted((e for e in results["summary"] if e["env"] == env), key=lambda entry: -entry[by]["mean"])
+
+
 @record
 class Training:
     """Training curve of one seed."""
@@ -213,14 +219,8 @@ def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, A
 
 def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[str, Any]:
     """Return the content of `results.json`; the seed of the whole evaluation decides the bootstrap samples too."""
-    rows = []
-    for memory in suite.memories:
-        for env in suite.envs:
-            for agent in suite.agents:
-                chosen = measured.of(memory, env, agent)
-                trainings = [t for t in measured.trainings if (t.memory, t.agent) == (memory, agent)]
-                oracle = measured.oracles.get(memory) if env in suite.oracle_envs else None
-                rows.append(_row(suite, chosen, trainings, oracle, base_seed))
+    keys = itertools.product(suite.memories, suite.envs, suite.agents)
+    rows = [_row(suite, measured, memory, env, agent, base_seed) for memory, env, agent in keys]
     return {
         "suite": suite.name,
         "rows": rows,
@@ -229,29 +229,29 @@ def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[st
     }
 
 
-def _row(
-    suite: Suite, episodes: Sequence[Episode], trainings: Sequence[Training], oracle: Oracle | None, base_seed: int
-) -> dict[str, Any]:
-    first = episodes[0]
-    row: dict[str, Any] = {name: getattr(first, name) for name in ("agent", "env", "memory")}
+def _row(suite: Suite, measured: Measured, memory: str, env: str, agent: str, base_seed: int) -> dict[str, Any]:
+    episodes = measured.of(memory, env, agent)
+    trainings = [t for t in measured.trainings if (t.memory, t.agent) == (memory, agent)]
+    row: dict[str, Any] = {"agent": agent, "env": env, "memory": memory}
     row |= {"n_seeds": len(episodes), "n_actions": suite.n_actions}
-    best = math.fsum(oracle.rewards) if oracle is not None else None
+    best = None
+    if env in suite.oracle_envs and memory in measured.oracles:
+        best = math.fsum(measured.oracles[memory].rewards)
     for field in MEASURED:
         if field == "oracle_share" and best is None:
-            row[field], row[f"{field}_reason"] = None, NO_ORACLE_UNFOLDING if "Modulation" in first.env else NO_ORACLE
+            row[field], row[f"{field}_reason"] = None, NO_ORACLE_UNFOLDING if "Modulation" in env else NO_ORACLE
             continue
         shares = [episode.reward / best if best else None for episode in episodes]
         values = shares if field == "oracle_share" else [getattr(episode, field) for episode in episodes]
-        stream = seed_sequence(base_seed, first.agent, first.env, first.memory, field)
+        stream = seed_sequence(base_seed, agent, env, memory, field)
         row |= _field(field, values, np.random.default_rng(stream))
-    trained = suite.ppo.n_generated if trained_here(first.agent) else actions_before(first.agent)
     return {
         **row,
         "reward_iqm": float(iqm(np.array([[episode.reward] for episode in episodes]))),
         "reward_per_seed": {str(episode.seed): episode.reward for episode in episodes},
         "oracle_reward": best,
         "outcomes": dict(sorted(Counter(action.outcome for e in episodes for action in e.actions).items())),
-        "n_actions_training": trained,
+        "n_actions_training": suite.ppo.n_generated if trained_here(agent) else actions_before(agent),
         "seconds": math.fsum(episode.seconds for episode in episodes) / len(episodes),
         "seconds_training": math.fsum(t.seconds for t in trainings) / len(trainings) if trainings else 0.0,
     }

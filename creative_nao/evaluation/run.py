@@ -196,7 +196,7 @@ def evaluate(
     jobs = plan(suite, base_seed=seed)
     settings = {"suite": dataclasses.asdict(suite), "seed": seed}
     record = open_folder(folder, settings, inputs=input_hashes(suite), resume=resume, command=command)
-    executor = LocalExecutor.on_all_cores() if executor is None else executor
+    executor = LocalExecutor() if executor is None else executor
     start = time.monotonic()
     done = executor.run(jobs, folder, on_progress)
     with naming(f"results in {folder / 'jobs'}"):

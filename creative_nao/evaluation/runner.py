@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from creative_nao import __version__, storage
 from creative_nao.errors import CreativeNaoError, MissingDependencyError, NotFoundError, SettingsError
@@ -121,13 +121,16 @@ class _Queue:
         return 0.0
 
     def run(self) -> Results:
-        for job in self.jobs:
-            if (result := read_result(job, self.folder)) is not None:
-                self.results[job.name] = result
+        found = {job.name: read_result(job, self.folder) for job in self.jobs}
+        self.results |= {name: result for name, result in found.items() if result is not None}
         self.begin, self.done_at_begin = time.monotonic(), self._seconds_done()
         try:
             while True:
-                self._collect()
+                for job in [job for job in self._running() if self.futures[job.name].done()]:
+                    try:
+                        self.results[job.name] = self.result(job, self.futures.pop(job.name))
+                    except JobError as error:
+                        self.failures[job.name] = str(error)
                 for job in self._ready():
                     self.started[job.name] = time.monotonic()
                     self.futures[job.name] = self.submit(job)
@@ -142,13 +145,6 @@ class _Queue:
             more = f" and {len(self.failures) - 1} more" if len(self.failures) > 1 else ""
             raise JobError(f"job `{name}`{more} failed: {reason}; mend the cause and add --resume")
         return self.results
-
-    def _collect(self) -> None:
-        for job in [job for job in self._running() if self.futures[job.name].done()]:
-            try:
-                self.results[job.name] = self.result(job, self.futures.pop(job.name))
-            except JobError as error:
-                self.failures[job.name] = str(error)
 
     def _ready(self) -> list[Job]:
         known = set(self.results) | set(self.failures) | set(self.futures)
@@ -203,17 +199,12 @@ class LocalExecutor:
     """This machine: an operating-system process per job.
 
     Args:
-        n_workers: Most processes at a time; has no influence on results.
+        n_workers: Most processes at a time, every core unless given; has no influence on results.
         n_attempts: How often a job is started before it counts as failed.
     """
 
-    n_workers: int
+    n_workers: int = dataclasses.field(default_factory=usable_cores)
     n_attempts: int = 3
-
-    @classmethod
-    def on_all_cores(cls) -> LocalExecutor:
-        """Return one that uses every core this process may use."""
-        return cls(usable_cores())
 
     def run(self, jobs: Sequence[Job], folder: Path, on_progress: OnProgress = lambda _: None) -> Results:
         """Run all jobs and return their results by name.
@@ -341,10 +332,8 @@ class DaskExecutor:
 
     address: str
 
-    @property
-    def n_workers(self) -> int:
-        """Not known before the scheduler is asked: workers come and go while jobs run."""
-        return 0
+    n_workers: ClassVar[int] = 0
+    """Not known before the scheduler is asked: workers come and go while jobs run."""
 
     def run(self, jobs: Sequence[Job], folder: Path, on_progress: OnProgress = lambda _: None) -> Results:
         """Run all jobs and return their results by name.

@@ -22,10 +22,8 @@ from creative_nao.errors import ShapeError
 
 N_RESAMPLES = 10_000
 """Bootstrap samples of an interval."""
-
 LEVEL = 0.95
 """Share of cases in which an interval should hold the truth."""
-
 N_RESAMPLES_OVER_TASKS = 2_000
 """Bootstrap samples of what costs more than a mean: comparisons by pairs, profiles, tasks drawn anew."""
 
@@ -82,7 +80,6 @@ def estimate(
     rng: np.random.Generator,
     statistic: Statistic = mean,
     n_resamples: int = N_RESAMPLES,
-    level: float = LEVEL,
 ) -> Estimate:
     """Return a figure and its stratified bootstrap interval.
 
@@ -91,7 +88,6 @@ def estimate(
         rng: Draws the bootstrap samples; the same generator state gives the same interval.
         statistic: What to estimate, as `mean` or `iqm`.
         n_resamples: Bootstrap samples.
-        level: Share of cases in which the interval should hold the truth.
 
     Raises:
         ShapeError: If `values` is empty, has other axes, or holds values that are not finite.
@@ -107,7 +103,7 @@ def estimate(
     value = float(statistic(values))
     if n_runs == 1:
         return Estimate(value, None, None, 1)
-    return _with_interval(value, statistic(resample(values, n_resamples, rng)), n_runs, level)
+    return _with_interval(value, statistic(resample(values, n_resamples, rng)), n_runs)
 
 
 def compare(ours: np.ndarray, theirs: np.ndarray, *, rng: np.random.Generator) -> Estimate:
@@ -186,21 +182,20 @@ def profile_band(
     return bootstrap_interval(samples, len(values))
 
 
-def bootstrap_interval(samples: np.ndarray, n_runs: int, level: float = LEVEL) -> tuple[Any, Any]:
+def bootstrap_interval(samples: np.ndarray, n_runs: int) -> tuple[Any, Any]:
     """Return both ends of the expanded percentile interval of bootstrap samples, numbers or arrays of shape (...).
 
     Args:
         samples: Shape (n_resamples, ...): the statistic of each bootstrap sample.
         n_runs: How many runs each sample was drawn from; of one run, the interval is the range of the samples.
-        level: Share of cases in which the interval should hold the truth.
     """
-    tail = expanded_tail(n_runs, level) if n_runs > 1 else 0.0
+    tail = expanded_tail(n_runs) if n_runs > 1 else 0.0
     low, high = np.quantile(samples, [tail, 1.0 - tail], axis=0)
     return low, high
 
 
-def _with_interval(value: float, samples: np.ndarray, n_runs: int, level: float = LEVEL) -> Estimate:
-    low, high = map(float, bootstrap_interval(samples, n_runs, level))
+def _with_interval(value: float, samples: np.ndarray, n_runs: int) -> Estimate:
+    low, high = map(float, bootstrap_interval(samples, n_runs))
     # Of equal runs the mean is rounded differently from sample to sample; an interval holds its own figure.
     return Estimate(value, min(low, value), max(high, value), n_runs)
 
@@ -212,10 +207,9 @@ def resample(values: np.ndarray, n_resamples: int, rng: np.random.Generator) -> 
     return values[drawn, np.arange(n_tasks)]
 
 
-def expanded_tail(n_runs: int, level: float = LEVEL) -> float:
-    """Return the share of bootstrap samples to leave out at either end, so that n_runs runs are enough for `level`."""
-    upper = 0.5 + level / 2.0
-    return float(ndtr(-math.sqrt(n_runs / (n_runs - 1)) * student_quantile(upper, n_runs - 1)))
+def expanded_tail(n_runs: int) -> float:
+    """Return the share of bootstrap samples to leave out at either end, so that n_runs runs are enough for `LEVEL`."""
+    return float(ndtr(-math.sqrt(n_runs / (n_runs - 1)) * student_quantile(0.5 + LEVEL / 2.0, n_runs - 1)))
 
 
 def student_quantile(probability: float, degrees: float) -> float:
@@ -228,7 +222,7 @@ def student_quantile(probability: float, degrees: float) -> float:
     return float(stdtrit(degrees, probability))
 
 
-def wilson_interval(n_yes: int, n: int, level: float = LEVEL) -> tuple[float, float]:
+def wilson_interval(n_yes: int, n: int) -> tuple[float, float]:
     """Return Wilson's interval of a share (1927): honest for few cases and for shares near 0 and 1.
 
     Example:
@@ -238,5 +232,5 @@ def wilson_interval(n_yes: int, n: int, level: float = LEVEL) -> tuple[float, fl
     """
     from scipy.stats import binomtest  # half a second to load, and seldom wanted
 
-    found = binomtest(n_yes, n).proportion_ci(level, method="wilson")
+    found = binomtest(n_yes, n).proportion_ci(LEVEL, method="wilson")
     return float(found.low), float(found.high)

@@ -23,7 +23,6 @@ from creative_nao.schema import JsonObject, Seed, parse, record
 
 TOLERANCE = 0.01
 """Largest relative difference of an episode's reward where versions or the processor differ: 1 %."""
-
 SUMMARY_TOLERANCE = 1e-9
 """Largest relative difference of a mean worked out again from the same numbers."""
 
@@ -114,7 +113,7 @@ def verify(
         jobs = _jobs(suite, settings.seed, {(r["agent"], r["memory"], seed) for r, seed in chosen})
         broken = tuple(contradictions(results, suite.baseline, settings.seed))
     with tempfile.TemporaryDirectory(prefix="creative-nao-") as folder:
-        done = (executor or LocalExecutor.on_all_cores()).run(jobs, Path(folder), on_progress)
+        done = (executor or LocalExecutor()).run(jobs, Path(folder), on_progress)
     episodes = collect(suite, jobs, done).episodes
     played = {(found.agent, found.env, found.memory, found.seed): found.reward for found in episodes}
     checks = []
@@ -174,18 +173,14 @@ def _sample(rows: Sequence[Mapping[str, Any]], n_sample: int) -> list[tuple[Mapp
 def _jobs(suite: Suite, base_seed: int, wanted: set[tuple[str, str, int]]) -> list[Job]:
     """Return the jobs that play an agent on a memory with a seed, and those they need; no other."""
     single = dataclasses.replace(suite, seeds_per_job=1, memories_per_job=1)
-    jobs = {job.name: job for job in plan(single, base_seed=base_seed)}
-    names = {
-        name
-        for name, job in jobs.items()
-        if job.kind == "play" and (job.spec["agent"], job.spec["memories"][0]["name"], job.spec["seeds"][0]) in wanted
-    }
-    waiting = list(names)
-    while waiting:
-        needs = set(jobs[waiting.pop()].needs) - names
-        names |= needs
-        waiting += needs
-    return [job for name, job in jobs.items() if name in names]
+    jobs = plan(single, base_seed=base_seed)
+    names = set()
+    for job in reversed(jobs):  # each stands after those it needs
+        spec = job.spec
+        is_wanted = job.kind == "play" and (spec["agent"], spec["memories"][0]["name"], spec["seeds"][0]) in wanted
+        if is_wanted or job.name in names:
+            names |= {job.name, *job.needs}
+    return [job for job in jobs if job.name in names]
 
 
 def _differences(suite: Suite, made: RunRecord) -> list[str]:
@@ -193,9 +188,7 @@ def _differences(suite: Suite, made: RunRecord) -> list[str]:
         files = input_hashes(suite)
     except OSError as error:
         raise NotFoundError(f"{error.filename}: {error.strerror}") from None
-    changed = [
-        f"{name} is another file than then" for name, digest in made.memories.items() if files.get(name) != digest
-    ]
+    changed = [f"{name} is another file than then" for name, was in made.memories.items() if files.get(name) != was]
     now = versions()
     return changed + [
         f"{package} was {version}, now {now.get(package, 'missing')}"
