@@ -41,11 +41,9 @@ def agent_colour(agent: str) -> str:
     return AGENTS.get(label) or OTHERS[sum(label.encode()) % len(OTHERS)]
 
 
-def agent_marker(agent: str) -> str:
-    """Return the shape of an agent; the same for the same name."""
+def _marker(agent: str) -> str:
     label = agent_label(agent)
-    place = list(AGENTS).index(label) if label in AGENTS else sum(label.encode())
-    return SHAPES[place % len(SHAPES)]
+    return SHAPES[(list(AGENTS).index(label) if label in AGENTS else sum(label.encode())) % len(SHAPES)]
 
 
 WIDTH = 8.6
@@ -55,6 +53,7 @@ MAX_BINS = 40
 FEW = 4
 """Most agents whose curves have bands, and room for a legend between them."""
 ORACLE = {"color": INK, "linestyle": (0, (1, 1.5)), "linewidth": 1.6}
+BESIDE = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
 PROFILE = ("threshold", "share_above", "low", "high")
 REFERENCE = {"color": FAINT, "linestyle": (0, (4, 2)), "linewidth": 1.2, "zorder": 0}
 
@@ -100,10 +99,7 @@ def cumulative(suite: Suite, measured: Measured, memory: str) -> Figure:
         ax.set(title=f"{env_label(env)} environment", xlabel="actions generated", xlim=(0, suite.n_actions))
     _from_zero(axes, "y")
     axes[0].set_ylabel("reward so far")
-    if len(suite.agents) > FEW:
-        _legend_beside(axes[-1])
-    else:
-        axes[-1].legend(loc="upper left")
+    axes[-1].legend(**BESIDE if len(suite.agents) > FEW else {"loc": "upper left"})
     return drawn
 
 
@@ -130,7 +126,7 @@ def training(suite: Suite, measured: Measured, memory: str) -> Figure:
     ax.set(xlabel="actions generated in training", ylabel=f"reward of an episode ({suite.n_actions} actions)")
     _from_zero([ax], "x")
     _from_zero([ax], "y")
-    _legend_beside(ax)
+    ax.legend(**BESIDE)
     return drawn
 
 
@@ -195,7 +191,7 @@ def profiles(results: Mapping[str, Any]) -> Figure:
         largest = max(largest, float(share[(high > 0.0).nonzero()[0][-1]]))
     limits = {"xlim": (0.0, min(100.0, largest + 10.0)), "ylim": (0.0, 102.0)}
     ax.set(xlabel="share of the oracle's reward [%]", ylabel="episodes above it [%]", **limits)
-    _legend_beside(ax)
+    ax.legend(**BESIDE)
     return drawn
 
 
@@ -214,7 +210,7 @@ def regret(suite: Suite, measured: Measured) -> Figure:
     for agent, curve in sorted(curves.items(), key=lambda item: -item[1][-1]):
         _line(ax, np.arange(len(curve)), curve, agent, markevery=5)
     ax.set(xlabel="actions generated", ylabel="reward behind the oracle", xlim=(0, suite.n_actions), ylim=(0.0, None))
-    _legend_beside(ax)
+    ax.legend(**BESIDE)
     return drawn
 
 
@@ -256,16 +252,12 @@ def _interval(
     if found["low"] is not None:
         ends = [scale * found["low"], scale * found["high"]]
         ax.plot(ends, [place, place], color=colour, linewidth=4, solid_capstyle="round", alpha=alpha)
-    ax.plot(scale * found["mean"], place, agent_marker(agent), color="white", mec=colour, mew=edge, ms=size)
+    ax.plot(scale * found["mean"], place, _marker(agent), color="white", mec=colour, mew=edge, ms=size)
 
 
 def _line(ax: Axes, x: np.ndarray, y: np.ndarray, agent: str, width: float = 1.8, markevery: int | None = None) -> None:
-    look = {"color": agent_colour(agent), "marker": agent_marker(agent), "markersize": 5, "linewidth": width}
+    look = {"color": agent_colour(agent), "marker": _marker(agent), "markersize": 5, "linewidth": width}
     ax.plot(x, y, label=agent_label(agent), markevery=markevery, **look)
-
-
-def _legend_beside(ax: Axes) -> None:
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def _from_zero(axes: Sequence[Axes], which: str) -> None:

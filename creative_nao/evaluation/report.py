@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from creative_nao import storage
@@ -57,7 +56,9 @@ def write_report(
 
     The folder's maps are read; `results` is the content of `results.json`, `record` that of `run.json`.
     """
-    maps = {memory: PBMap.load(folder / "maps" / f"{slug(memory)}.npz") for memory in shown_memories(suite)}
+    n_shown = min(MAX_SHOWN, len(suite.memories))  # all of a few, else some spread over the suite's list
+    shown = [suite.memories[place * len(suite.memories) // n_shown] for place in range(n_shown)]
+    maps = {memory: PBMap.load(folder / "maps" / f"{slug(memory)}.npz") for memory in shown}
     page = pages.render(
         "report.html.jinja",
         **findings(suite, results, measured),
@@ -157,12 +158,6 @@ def notes(results: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
                 text = f"{key.removesuffix('_reason').replace('_', ' ')}: {reason}"
                 found.setdefault(text, []).append(f"{row['agent']}, {env_label(row['env'])}")
     return [(text, [] if len(rows) == len(results["rows"]) else rows) for text, rows in found.items()]
-
-
-def shown_memories(suite: Suite) -> tuple[str, ...]:
-    """Return the memories that are drawn one by one: all of a few, else some spread over the suite's list."""
-    n_shown = min(MAX_SHOWN, len(suite.memories))
-    return tuple(suite.memories[place * len(suite.memories) // n_shown] for place in range(n_shown))
 
 
 def draw_figures(
@@ -281,27 +276,23 @@ def choices(suite: Suite, measured: Measured, scored: PBMap, memory: str, env: s
     drawn, axes = figure(8.6, 8.3 / n_columns * n_rows + 0.8, n_rows, n_columns)
     for ax in axes[len(suite.agents) + 1 :]:
         ax.remove()
-    for ax, agent in zip(axes, suite.agents, strict=False):
-        _ground(ax, scored, agent_label(agent))
-        first, *others = measured.of(memory, env, agent)
-        for episode in others:
-            points = np.array([[a.pb_1, a.pb_2] for a in episode.actions])
-            ax.plot(*points.T, "o", color=INK, markersize=3.2, markeredgecolor="white", markeredgewidth=0.5)
-        for usable, marker, size in ((True, "o", 44), (False, "X", 40)):
-            _large(ax, [[a.pb_1, a.pb_2] for a in first.actions if a.appropriate == usable], marker, size)
-    ax = axes[len(suite.agents)]
-    _ground(ax, scored, "oracle (knows the map)")
-    _large(ax, measured.oracles[memory].pb, "o", 44)
+    style = {"facecolor": "white", "edgecolor": "black", "linewidth": 1.4, "zorder": 3, "clip_on": False}
+    for ax, agent in zip(axes, (*suite.agents, None), strict=False):
+        draw_on(ax, scored)
+        ax.grid(visible=False)
+        title = "oracle (knows the map)" if agent is None else agent_label(agent)
+        ax.set(title=title, xticks=[-1, 0, 1], yticks=[-1, 0, 1])
+        large = [(measured.oracles[memory].pb, 44, "o")]
+        if agent is not None:
+            first, *others = measured.of(memory, env, agent)
+            for episode in others:
+                points = np.array([[a.pb_1, a.pb_2] for a in episode.actions])
+                ax.plot(*points.T, "o", color=INK, markersize=3.2, markeredgecolor="white", markeredgewidth=0.5)
+            large = [
+                ([(a.pb_1, a.pb_2) for a in first.actions if a.appropriate == usable], size, marker)
+                for usable, size, marker in ((True, 44, "o"), (False, 40, "X"))
+            ]
+        for points, size, marker in large:
+            ax.scatter(*np.reshape(points, (-1, 2)).T, s=size, marker=marker, **style)
     drawn.legend(handles=legend_handles(scored), loc="outside lower center", ncols=3, fontsize=9)
     return drawn
-
-
-def _ground(ax: Axes, scored: PBMap, title: str) -> None:
-    draw_on(ax, scored)
-    ax.grid(visible=False)
-    ax.set(title=title, xticks=[-1, 0, 1], yticks=[-1, 0, 1])
-
-
-def _large(ax: Axes, points: Sequence[Sequence[float]], marker: str, size: float) -> None:
-    style = {"facecolor": "white", "edgecolor": "black", "linewidth": 1.4, "zorder": 3, "clip_on": False}
-    ax.scatter(*np.reshape(points, (-1, 2)).T, s=size, marker=marker, **style)

@@ -99,11 +99,7 @@ def estimate(
         raise ShapeError(f"`values` should have shape (runs, tasks), each at least 1, but has {values.shape}")
     if not np.isfinite(values).all():
         raise ShapeError(f"`values` should be finite, but holds {values[~np.isfinite(values)][0]}")
-    n_runs = values.shape[0]
-    value = float(statistic(values))
-    if n_runs == 1:
-        return Estimate(value, None, None, 1)
-    return _with_interval(value, statistic(resample(values, n_resamples, rng)), n_runs)
+    return _estimate(float(statistic(values)), len(values), lambda: statistic(resample(values, n_resamples, rng)))
 
 
 def compare(ours: np.ndarray, theirs: np.ndarray, *, rng: np.random.Generator) -> Estimate:
@@ -122,12 +118,11 @@ def compare(ours: np.ndarray, theirs: np.ndarray, *, rng: np.random.Generator) -
             f"`ours` and `theirs` should have shape (runs, tasks) with equal tasks, but have {ours.shape} and "
             f"{theirs.shape}"
         )
-    value = float(probability_of_improvement(ours, theirs))
-    n_runs = min(len(ours), len(theirs))
-    if n_runs == 1:
-        return Estimate(value, None, None, 1)
-    drawn = [resample(runs, N_RESAMPLES_OVER_TASKS, rng) for runs in (ours, theirs)]
-    return _with_interval(value, probability_of_improvement(*drawn), n_runs)
+
+    def samples() -> np.ndarray:
+        return probability_of_improvement(*(resample(runs, N_RESAMPLES_OVER_TASKS, rng) for runs in (ours, theirs)))
+
+    return _estimate(float(probability_of_improvement(ours, theirs)), min(len(ours), len(theirs)), samples)
 
 
 def probability_of_improvement(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
@@ -154,12 +149,13 @@ def estimate_over_tasks(values: np.ndarray, *, rng: np.random.Generator) -> Esti
         values: Shape (runs, tasks), finite.
         rng: Draws the bootstrap samples.
     """
-    value, (n_runs, n_tasks) = float(mean(values)), values.shape
-    if n_tasks == 1:
-        return Estimate(value, None, None, 1)
-    tasks = rng.integers(n_tasks, size=(N_RESAMPLES_OVER_TASKS, 1, n_tasks))
-    runs = rng.integers(n_runs, size=(N_RESAMPLES_OVER_TASKS, n_runs, n_tasks))
-    return _with_interval(value, mean(values[runs, tasks]), n_tasks)
+    n_runs, n_tasks = values.shape
+
+    def samples() -> np.ndarray:
+        tasks = rng.integers(n_tasks, size=(N_RESAMPLES_OVER_TASKS, 1, n_tasks))
+        return mean(values[rng.integers(n_runs, size=(N_RESAMPLES_OVER_TASKS, n_runs, n_tasks)), tasks])
+
+    return _estimate(float(mean(values)), n_tasks, samples)
 
 
 def performance_profile(values: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
@@ -194,8 +190,10 @@ def bootstrap_interval(samples: np.ndarray, n_runs: int) -> tuple[Any, Any]:
     return low, high
 
 
-def _with_interval(value: float, samples: np.ndarray, n_runs: int) -> Estimate:
-    low, high = map(float, bootstrap_interval(samples, n_runs))
+def _estimate(value: float, n_runs: int, samples: Callable[[], np.ndarray]) -> Estimate:
+    if n_runs == 1:
+        return Estimate(value, None, None, 1)
+    low, high = map(float, bootstrap_interval(samples(), n_runs))
     # Of equal runs the mean is rounded differently from sample to sample; an interval holds its own figure.
     return Estimate(value, min(low, value), max(high, value), n_runs)
 

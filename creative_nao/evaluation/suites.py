@@ -36,7 +36,6 @@ MENTAL = "CreativeNao/BoxingMental-v0"
 MAX_EPISODES = 1_000_000
 """Of a suite: about a year of a core."""
 MAX_FILE_BYTES = 200_000
-
 PPO = "ppo"
 """The one agent that a suite trains itself, where it names it without a bundle."""
 
@@ -116,9 +115,7 @@ class Suite:
 
     def taught_seed(self, memory: str) -> int | None:
         """Return the seed of a memory that is trained in the run folder, or None for any other memory."""
-        if self.taught is None or memory not in self.taught.names:
-            return None
-        return self.taught.seeds[self.taught.names.index(memory)]
+        return None if self.taught is None else dict(zip(self.taught.names, self.taught.seeds, strict=True)).get(memory)
 
 
 def find_suite(name: str, *, trusted: bool = False) -> Suite:
