@@ -254,8 +254,7 @@ def exchange(tab: Tab) -> None:
         if (here := weakly()) is None:
             return
         try:
-            content = await event.file.read()
-            await _recognise(here, event.file.name, content)
+            await _recognise(here, event.file.name, await event.file.read())
         except CreativeNaoError as error:
             here.memory_panels[0].status.text = f"Not a movement: {error}"
         finally:

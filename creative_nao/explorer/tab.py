@@ -153,22 +153,20 @@ class Tab:
 
     async def show(self, points: np.ndarray, keep: bool = True) -> None:
         """Let the robot do what lies at a point or along a path; the last call wins."""
-        self._latest = number = next(self._numbers)
+        self._latest = next(self._numbers)
         if keep and len(self.trail) < 1000:
             self.trail.append(self.points)
         self.points = np.asarray(points, dtype=np.float64)
         self.redraw()
-        recalls = [await run.io_bound(panel.loaded.service.recall, self.points) for panel in self.memory_panels]
-        if number == self._latest:
-            await self.present(*(recall for recall in recalls if recall is not None))
+        await self.present()
 
     async def present(self, *recalls: Recall) -> None:
-        """Show movements that have been made or recognised; a memory of which there is none is asked for its own."""
+        """Show movements that were recognised; a memory of which there is none is asked for its own."""
         number = self._latest
         for panel in self.memory_panels[len(recalls) :]:
             recall = await run.io_bound(panel.loaded.service.recall, self.points)
             recalls = (*recalls, recall) if recall is not None else recalls
-        if number != self._latest:
+        if number != self._latest or not recalls:
             return
         digits = self.memory_panels[0].map.frame().digits
         for panel, recall in zip(self.memory_panels, recalls, strict=False):

@@ -34,7 +34,6 @@ MAX_EPOCHS = 300_000
 MIN_INTERVAL_S = 0.4
 """Shortest time between two reports of progress."""
 CURVE_POINTS = 240
-MADE_BY = "taught in the explorer's page"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -166,7 +165,7 @@ class Trainer:
         state, memory = self._state, self.progress.memory
         if state.epoch and np.isfinite(state.best_loss):
             settings = dataclasses.replace(self.training, n_epochs=state.epoch)
-            memory = memory_at(self.demonstrations, self._network, settings, state, MADE_BY)
+            memory = memory_at(self.demonstrations, self._network, settings, state, "taught in the explorer's page")
             memory = dataclasses.replace(memory, name="taught in this page")
         places = np.unique(np.linspace(0, max(state.epoch - 1, 0), CURVE_POINTS).astype(int))[: state.epoch]
         curve = np.stack([places + 1.0, state.loss_history[places]], axis=1)
