@@ -73,9 +73,7 @@ class Attribution:
         """Read the trajectory as a sequence of basic actions, without the flicker of `nearest`.
 
         Of all ways to name an action for each tick, the one whose distances, summed over the ticks, plus `switch_cost`
-        for each change of the action are smallest.
-
-        A change costs `switch_cost` [rad], 0 or more; with 0 the result is `nearest`.
+        [rad], 0 or more, for each change of the action are smallest; with 0 the result is `nearest`.
         """
         switch_cost = checked(NonNegative, switch_cost, "switch_cost")
         total = self.distances[0].copy()

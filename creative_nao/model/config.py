@@ -146,12 +146,11 @@ def initial_vector(settings: NetworkSettings, n_codes: int, n_actions: int, seed
     mask = neighbour_mask(settings)
     fan_in = mask.sum(axis=0)
     fan_in[:n_fast] += n_codes  # P_F has input from P_I too
-    parameters["w_in"][:] = settings.weight_scale * rng.standard_normal((n_codes, n_fast)) / np.sqrt(fan_in[:n_fast])
-    parameters["w_out"][:] = settings.weight_scale * rng.standard_normal((n_fast, n_codes)) / np.sqrt(n_fast)
-    parameters["w_hidden"][:] = settings.weight_scale * rng.standard_normal(mask.shape) * mask / np.sqrt(fan_in)
-    parameters["w_pb"][:] = (
-        settings.pb_weight_scale * rng.standard_normal(parameters["w_pb"].shape) / np.sqrt(settings.n_pb)
-    )
+    scale, pb_scale = settings.weight_scale, settings.pb_weight_scale
+    parameters["w_in"][:] = scale * rng.standard_normal((n_codes, n_fast)) / np.sqrt(fan_in[:n_fast])
+    parameters["w_out"][:] = scale * rng.standard_normal((n_fast, n_codes)) / np.sqrt(n_fast)
+    parameters["w_hidden"][:] = scale * rng.standard_normal(mask.shape) * mask / np.sqrt(fan_in)
+    parameters["w_pb"][:] = pb_scale * rng.standard_normal(shapes["w_pb"]) / np.sqrt(settings.n_pb)
     return vector
 
 

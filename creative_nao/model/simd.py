@@ -64,7 +64,9 @@ def element_pointer(context: Any, builder: ir.IRBuilder, array_type: Any, array:
     return builder.gep(data, [context.cast(builder, at, at_type, types.intp)])
 
 
-def _loader(n_lanes: int) -> Any:
+def _reader_and_spreader(n_lanes: int) -> tuple[Any, Any]:
+    """Return the intrinsics that load a vector from `array[at]` and that hold a number in every lane."""
+
     @intrinsic
     def load(typing_context, array, at):
         def generate(context, builder, signature, arguments):
@@ -74,11 +76,18 @@ def _loader(n_lanes: int) -> Any:
 
         return Vector(n_lanes)(array, at), generate
 
-    return load
+    @intrinsic
+    def spread_scalar(typing_context, scalar):
+        def generate(context, builder, signature, arguments):
+            return spread(builder, context.cast(builder, arguments[0], scalar, types.float32), n_lanes)
+
+        return Vector(n_lanes)(scalar), generate
+
+    return load, spread_scalar
 
 
-load8 = _loader(8)
-load16 = _loader(16)
+load8, spread8 = _reader_and_spreader(8)
+load16, spread16 = _reader_and_spreader(16)
 
 
 @intrinsic
@@ -92,21 +101,6 @@ def store(typing_context, vector, array, at):
         return context.get_dummy_value()
 
     return types.void(vector, array, at), generate
-
-
-def _spreader(n_lanes: int) -> Any:
-    @intrinsic
-    def spread_scalar(typing_context, scalar):
-        def generate(context, builder, signature, arguments):
-            return spread(builder, context.cast(builder, arguments[0], scalar, types.float32), n_lanes)
-
-        return Vector(n_lanes)(scalar), generate
-
-    return spread_scalar
-
-
-spread8 = _spreader(8)
-spread16 = _spreader(16)
 
 
 def _elementwise(n_arguments: int, emit: Callable[..., ir.Value]) -> Any:
