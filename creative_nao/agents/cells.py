@@ -15,7 +15,7 @@ Names of modules (`weights`, `weigh`, `others`) are names of weights in bundles.
 from __future__ import annotations
 
 import itertools
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -299,12 +299,12 @@ class CellSACPolicy(SACPolicy):
 
     def make_actor(self, features_extractor: Any = None) -> CellActor:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return an untrained actor."""
-        spaces: Any = self.observation_space, self.action_space
+        spaces = cast("tuple[Box, Box]", (self.observation_space, self.action_space))
         return CellActor(*spaces, self.width, self.n_layers).to(self.device)
 
     def make_critic(self, features_extractor: Any = None) -> CellCritic:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return untrained critics."""
-        spaces: Any = self.observation_space, self.action_space
+        spaces = cast("tuple[Box, Box]", (self.observation_space, self.action_space))
         return CellCritic(*spaces, self.width, self.n_layers, self.critic_kwargs["n_critics"]).to(self.device)
 
 

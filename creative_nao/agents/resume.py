@@ -58,7 +58,15 @@ def capture(model: Any) -> ResumeState:
         values["buffer"] = {"pos": buffer.pos, "full": buffer.full}
         arrays |= {f"buffer.{name}": array[: buffer.size()].copy() for name, array in _buffer_arrays(buffer).items()}
     _capture_random(model, values, arrays)
-    _capture_envs(model, values, arrays)
+    monitor, augmented, native = _layers(model)
+    states = native.get_state()
+    values["envs"] = [{"kind": one.kind, "values": one.values, "arrays": sorted(one.arrays)} for one in states]
+    for place, one in enumerate(states):
+        arrays |= {f"env.{place}.{name}": np.array(array) for name, array in one.arrays.items()}
+    values["monitor"] = int(monitor.episode_count)
+    arrays |= {"monitor.returns": monitor.episode_returns.copy(), "monitor.lengths": monitor.episode_lengths.copy()}
+    if augmented is not None:
+        values["turned"], arrays["turned"] = augmented.get_state()
     # As text, since what is logged may be no number, which JSON does not know.
     logger = model.logger
     values["logged"] = {
@@ -95,7 +103,8 @@ def restore(model: Any, state: ResumeState) -> None:
             tensors = [torch.from_numpy(arrays[f"lstm.{place}"].copy()) for place in range(4)]
             model._last_lstm_states = type(states)((tensors[0], tensors[1]), (tensors[2], tensors[3]))
         part = "replay buffer"
-        _restore_buffer(model, values, arrays)
+        if (buffer := getattr(model, "replay_buffer", None)) is not None:
+            _restore_buffer(buffer, values, arrays)
         part = "environments"
         _restore_envs(model, values, arrays)
         part = "random generators"
@@ -181,10 +190,7 @@ def _buffer_arrays(buffer: Any) -> dict[str, np.ndarray]:
     }
 
 
-def _restore_buffer(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    buffer = getattr(model, "replay_buffer", None)
-    if buffer is None:
-        return
+def _restore_buffer(buffer: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
     place, full = values["buffer"]["pos"], values["buffer"]["full"]
     if type(place) is not int or not 0 <= place < buffer.buffer_size or not isinstance(full, bool):
         raise ValueError(f"place {shown(place)} in a buffer of {buffer.buffer_size}")
@@ -208,19 +214,6 @@ def _layers(model: Any) -> tuple[Any, Any, Any]:
             "train on one of this project's"
         )
     return monitor, augmented, native
-
-
-def _capture_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    monitor, augmented, native = _layers(model)
-    states = native.get_state()
-    values["envs"] = [{"kind": one.kind, "values": one.values, "arrays": sorted(one.arrays)} for one in states]
-    for place, one in enumerate(states):
-        arrays |= {f"env.{place}.{name}": np.array(array) for name, array in one.arrays.items()}
-    arrays["monitor.returns"] = monitor.episode_returns.copy()
-    arrays["monitor.lengths"] = monitor.episode_lengths.copy()
-    values["monitor"] = int(monitor.episode_count)
-    if augmented is not None:
-        values["turned"], arrays["turned"] = augmented.get_state()
 
 
 def _restore_envs(model: Any, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
