@@ -376,12 +376,7 @@ class RandomisedRobot(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin an episode with a robot drawn anew.
-
-        Args:
-            seed: Seed of the draws of the robot, and of the environment.
-            options: Handed to the environment.
-        """
+        """Begin an episode with a robot drawn anew; `seed` is also that of the environment, which gets `options`."""
         observation, info = self.env.reset(seed=seed, options=options)
         if seed is not None or self._rng is None:
             self._rng = np.random.default_rng(seed)

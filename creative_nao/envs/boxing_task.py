@@ -40,8 +40,6 @@ except ModuleNotFoundError as error:
 CONTROL_STEP_S = 0.05
 TIME_LIMIT_S = 7.5
 
-_SETTLE_S = 2.0
-
 
 class Ring(composer.Arena):
     """The empty ring of `ring.xml`, with its physics options."""
@@ -203,10 +201,10 @@ class BoxingTask(composer.Task):
         self._impulse_ns = 0.0
 
     def _settle(self, model: Any) -> np.ndarray:
-        """Return the state of standing in the guard at rest, computed once."""
+        """Return the state of standing in the guard at rest, reached after 2 s; computed once."""
         data = mujoco.MjData(model)
         self.scene.place(data, "Guard")
-        mujoco.mj_step(model, data, nstep=round(_SETTLE_S / self._step_s))
+        mujoco.mj_step(model, data, nstep=round(2.0 / self._step_s))
         data.time = 0.0
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(model, kind))

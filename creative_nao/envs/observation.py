@@ -83,16 +83,10 @@ def observation_space(parts: tuple[ObservationPart, ...]) -> Box:
 
 
 def cells_of(space: Box, n_pb: int) -> slice:
-    """Return where the cells of the PB space stand in an observation.
+    """Return where the cells of a PB space of `n_pb` units stand in the observations of `space`.
 
-    They follow from the bounds of the space: after the PB, the cells are the first values that may be negative.
-
-    Args:
-        space: Space of the observations of one of this project's environments.
-        n_pb: PB units.
-
-    Raises:
-        SettingsError: If there are no such elements.
+    They follow from the bounds of the space: after the PB, the cells are the first values that may be negative. A space
+    without them, of another project's environment, raises SettingsError.
     """
     negative = np.flatnonzero(space.low[n_pb:] < 0.0) + n_pb if len(space.shape) == 1 else np.empty(0, np.int64)
     size = N_CELLS**n_pb

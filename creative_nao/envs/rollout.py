@@ -92,11 +92,7 @@ class RolloutBatch:
         return values, {name: array.copy() for name, array in (*network, *mine.items())}
 
     def set_state(self, env_id: int, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-        """Restore what `get_state` returned; the memory of the episode has to be in place already.
-
-        Raises:
-            SettingsError: If it does not fit the memory's network.
-        """
+        """Restore what `get_state` returned; one that does not fit the memory in place raises SettingsError."""
         decided, tick = values["n_decided"], values["tick"]
         if decided >= self.n_decisions or tick != min(decided * DECISION_TICKS, self._n_steps):
             raise SettingsError(

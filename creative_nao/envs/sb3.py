@@ -93,22 +93,14 @@ class SB3VecEnv(VecEnv):
         return [getattr(self.venv, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of the vector environment, for all sub-environments.
-
-        Raises:
-            SettingsError: If only some sub-environments are meant.
-        """
+        """Set an attribute of the vector environment, for all sub-environments; for some, SettingsError is raised."""
         self._all(indices, "set_attr")
         setattr(self.venv, attr_name, value)
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of the vector environment once, for all sub-environments; its result is returned for each.
-
-        Raises:
-            SettingsError: If only some sub-environments are meant.
-        """
+        """Call a method of the vector environment once; its result is returned for each; for some: SettingsError."""
         self._all(indices, "env_method")
         return [getattr(self.venv, method_name)(*method_args, **method_kwargs)] * self.num_envs
 

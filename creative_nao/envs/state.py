@@ -62,7 +62,15 @@ class EnvState:
                     f"`state`: its {what} should be {', '.join(sorted(theirs))}; see `{surplus[0][:60]}`"
                 )
         for name, example in like.values.items():
-            _check_value(name, self.values[name], example)
+            value = self.values[name]
+            if name == "random":
+                fits = value is None or isinstance(value, dict)  # `generator_from` looks into it
+            elif isinstance(example, int):
+                fits = type(value) is int and 0 <= value <= MAX_COUNT
+            else:
+                fits = isinstance(value, str)
+            if not fits:
+                raise SettingsError(f"`state`: its `{name}` should be like {example!r:.60}, but is {shown(value)}")
         n_accepted = len(self.arrays["accepted"]) if self.arrays["accepted"].ndim else 0
         if n_accepted > self.values["n_actions"]:
             raise SettingsError(f"`state`: {n_accepted} accepted actions of {self.values['n_actions']} cannot be")
@@ -84,17 +92,6 @@ class EnvState:
             if array.dtype.kind == "f" and not np.isfinite(array).all():
                 raise FileFormatError(f"{path}: the array `{name[:60]}` should hold finite numbers, but does not")
         return cls(header.of, header.values, arrays)
-
-
-def _check_value(name: str, found: Any, example: Any) -> None:
-    if name == "random":
-        fits = found is None or isinstance(found, dict)  # `generator_from` looks into it
-    elif isinstance(example, int):
-        fits = type(found) is int and 0 <= found <= MAX_COUNT
-    else:
-        fits = isinstance(found, str)
-    if not fits:
-        raise SettingsError(f"`state`: its `{name}` should be like {example!r:.60}, but is {shown(found)}")
 
 
 def _check_array(name: str, found: np.ndarray, shape: tuple[int, ...], dtype: np.dtype, *, sized: bool) -> None:

@@ -226,11 +226,8 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def get_state(self) -> tuple[EnvState, ...]:
         """Return the exact state of each sub-environment; a single environment of the same kind takes it, too."""
-        return tuple(self._get_state(env_id) for env_id in range(self.num_envs))
-
-    def _get_state(self, env_id: int) -> EnvState:
-        values, arrays = self._batch.get_state(env_id)
-        return EnvState(self._single_name, {**values, "random": generator_state(self._random[env_id])}, arrays)
+        parts = [(*self._batch.get_state(env_id), generator_state(rng)) for env_id, rng in enumerate(self._random)]
+        return tuple(EnvState(self._single_name, {**values, "random": rng}, arrays) for values, arrays, rng in parts)
 
     def set_state(self, states: tuple[EnvState, ...] | list[EnvState]) -> None:
         """Restore the state of each sub-environment: of `get_state` here or of a single environment made alike.
@@ -245,8 +242,8 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             raise SettingsError(
                 f"`states` should hold {self.num_envs} states, one per sub-environment, but holds {len(states)}"
             )
-        for env_id, state in enumerate(states):
-            EnvState.check(state, self._get_state(env_id))
+        for env_id, (state, present) in enumerate(zip(states, self.get_state(), strict=True)):
+            EnvState.check(state, present)
             self._batch.set_state(env_id, state.values, state.arrays)
             self._random[env_id] = generator_from(state.values["random"])
             ended = self._batch.n_done[env_id] >= self.n_actions

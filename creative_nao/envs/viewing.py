@@ -32,16 +32,9 @@ def _font(size: int) -> Any:
 
 
 def caption(frame: np.ndarray, text: str) -> np.ndarray:
-    """Return a copy of a frame with a line of text on a dark bar at its lower edge.
-
-    Args:
-        frame: uint8 of shape (height, width, 3).
-        text: The line.
-    """
+    """Return a copy of a frame, uint8 (height, width, 3), with a line of text on a dark bar at its lower edge."""
     from PIL import Image, ImageDraw
 
-    if not text:
-        return frame.copy()
     height, width = frame.shape[:2]
     bar = max(14, height // 16)
     picture = Image.fromarray(frame)
