@@ -60,11 +60,9 @@ def register_environments() -> None:
             register(id=name, entry_point=entry_point, vector_entry_point=VECTOR_ENVIRONMENTS[name])
 
 
-def _boxing(**arguments: Any) -> composer.Environment:
-    return importlib.import_module(f"{__name__}.boxing_task").load(**arguments)
-
-
-TASKS: dict[str, Callable[..., Any]] = {"boxing": _boxing}
+TASKS: dict[str, Callable[..., Any]] = {
+    "boxing": lambda **arguments: importlib.import_module(f"{__name__}.boxing_task").load(**arguments)
+}
 """Each task's name and what makes its environment."""
 
 

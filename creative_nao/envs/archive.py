@@ -102,14 +102,10 @@ class RepertoireArchive:
         self._pair_sum[env_id] = 0.0
 
     def compare(self, env_ids: np.ndarray, trajectories: np.ndarray) -> np.ndarray:
-        """Return the distance of each movement to everything its robot knows.
+        """Return the distances of movements to everything that their robots `env_ids`, (m,), know.
 
-        Args:
-            env_ids: Which robot made each movement, shape (m,).
-            trajectories: Shape (m, n_steps, n_joints) [rad], finite.
-
-        Returns:
-            Shape (m, lanes) [rad]: basic actions first, then accepted movements; infinite beyond what is known.
+        Finite `trajectories` (m, n_steps, n_joints) [rad] become (m, lanes) [rad]: basic actions first, then accepted
+        movements; infinite beyond what is known.
         """
         out = np.empty((len(env_ids), self._known.shape[3]))
         _compare_kernel(env_ids, trajectories, self._known, self._n_steps, self.sizes, out)

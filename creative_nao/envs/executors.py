@@ -48,8 +48,7 @@ class Execution:
 class SharedScene:
     """Ring, robot and bag, built when first needed; copies and pickles build their own.
 
-    Args:
-        bare: Leave away all that is only drawn, which makes physics a sixth faster.
+    A `bare` one leaves away all that is only drawn, which makes physics a sixth faster.
     """
 
     def __init__(self, bare: bool = False) -> None:
@@ -97,15 +96,9 @@ class ThreadPool:
     ) -> tuple[np.ndarray, ...]:
         """Apply a function of arrays to all rows of a batch, an even piece of them a thread.
 
-        The calling thread takes the first piece, which saves waking another.
-
-        Args:
-            function: Called with an index of some rows; returns arrays over them.
-            n_rows: How many rows there are.
-            order: Returns the rows in the order in which they are cut into pieces, if that matters.
-
-        Returns:
-            The arrays over all rows, (n_rows, ...).
+        The calling thread takes the first piece, which saves waking another. `function` is called with an index of some
+        rows and returns arrays over them; returned are those over all rows, (n_rows, ...). `order` returns the rows in
+        the order in which they are cut into pieces, if that matters.
         """
         n_pieces = min(self.n_threads, n_rows // MIN_ROWS)
         if n_pieces < 2:
@@ -139,10 +132,6 @@ class PhysicsPool:
 
     MuJoCo steps without holding Python back, so two threads on two free cores perform twice as much. Every performance
     starts from the settled guard: it has the same bits whichever robot performs it.
-
-    Args:
-        threads: The threads.
-        shared: Where the robots stand.
     """
 
     def __init__(self, threads: ThreadPool, shared: SharedScene) -> None:
@@ -163,15 +152,9 @@ class PhysicsPool:
     def perform(
         self, trajectories: np.ndarray, dt_s: Sequence[float], keep_frames: bool = False
     ) -> list[tuple[Performance, np.ndarray]]:
-        """Perform trajectories.
+        """Perform trajectories (m, n_steps, 8) [rad] at m ticks of `dt_s` [s], if wanted with snapshots for a film.
 
-        Args:
-            trajectories: Joint angles [rad], shape (m, n_steps, 8).
-            dt_s: Tick of each [s], m numbers.
-            keep_frames: Keep snapshots of the whole robot for a film.
-
-        Returns:
-            The performance of each, and MuJoCo's integration state at its end, (n,).
+        Returns the performance of each, and MuJoCo's integration state at its end, (n,).
         """
         idle: queue.SimpleQueue[Performer] = queue.SimpleQueue()
         for performer in self.performers:

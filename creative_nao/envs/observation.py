@@ -123,12 +123,7 @@ def _record_kernel(vectors, starts, env_ids, pb, outcome, nearest, novelty, know
 
 
 class ObservationBatch:
-    """The observation vectors of one or many episodes, one row each.
-
-    Args:
-        parts: The layout of a vector.
-        n_envs: How many episodes.
-    """
+    """The observation vectors of one or many episodes, one row each, laid out in `parts`."""
 
     def __init__(self, parts: tuple[ObservationPart, ...], n_envs: int = 1) -> None:
         self._at = {part.name: slice(part.start, part.stop) for part in parts}

@@ -76,7 +76,16 @@ class EnvState:
             raise SettingsError(f"`state`: {n_accepted} accepted actions of {self.values['n_actions']} cannot be")
         for name, example in like.arrays.items():
             shape = (n_accepted, *example.shape[1:]) if name in _GROWING else example.shape
-            _check_array(name, self.arrays[name], shape, example.dtype, sized=name not in NETWORK_ARRAYS)
+            array, sized = self.arrays[name], name not in NETWORK_ARRAYS
+            if array.ndim != len(shape) or array.dtype != example.dtype or (sized and array.shape != shape):
+                raise SettingsError(
+                    f"`state`: its array `{name}` should be {example.dtype} of shape {shape}, but is {array.dtype} of "
+                    f"{array.shape}"
+                )
+            if array.dtype.kind == "f" and array.size and not np.abs(array).max() <= MAX_NUMBER:
+                raise SettingsError(
+                    f"`state`: its array `{name}` should hold numbers of at most {MAX_NUMBER:g}, but does not"
+                )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the state to one safetensors file and return its path."""
@@ -92,15 +101,6 @@ class EnvState:
             if array.dtype.kind == "f" and not np.isfinite(array).all():
                 raise FileFormatError(f"{path}: the array `{name[:60]}` should hold finite numbers, but does not")
         return cls(header.of, header.values, arrays)
-
-
-def _check_array(name: str, found: np.ndarray, shape: tuple[int, ...], dtype: np.dtype, *, sized: bool) -> None:
-    if found.ndim != len(shape) or found.dtype != dtype or (sized and found.shape != shape):
-        raise SettingsError(
-            f"`state`: its array `{name}` should be {dtype} of shape {shape}, but is {found.dtype} of {found.shape}"
-        )
-    if found.dtype.kind == "f" and found.size and not np.abs(found).max() <= MAX_NUMBER:
-        raise SettingsError(f"`state`: its array `{name}` should hold numbers of at most {MAX_NUMBER:g}, but does not")
 
 
 def generator_state(rng: np.random.Generator | None) -> dict[str, Any] | None:

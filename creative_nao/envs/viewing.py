@@ -20,8 +20,6 @@ CAMERA = "close"
 FRAME_SIZE = 640, 480
 """Width and height of a frame in pixels."""
 RENDER_MODES = ("human", "rgb_array", "rgb_array_list", "depth_array")
-_BAR_COLOUR = (16, 18, 24)
-_TEXT_COLOUR = (240, 240, 240)
 
 
 @functools.cache
@@ -39,8 +37,8 @@ def caption(frame: np.ndarray, text: str) -> np.ndarray:
     bar = max(14, height // 16)
     picture = Image.fromarray(frame)
     drawing = ImageDraw.Draw(picture)
-    drawing.rectangle((0, height - bar, width, height), fill=_BAR_COLOUR)
-    drawing.text((bar // 2, height - bar // 2), text, fill=_TEXT_COLOUR, font=_font(bar * 5 // 8), anchor="lm")
+    drawing.rectangle((0, height - bar, width, height), fill=(16, 18, 24))
+    drawing.text((bar // 2, height - bar // 2), text, fill=(240, 240, 240), font=_font(bar * 5 // 8), anchor="lm")
     return np.asarray(picture).copy()
 
 
