@@ -57,16 +57,13 @@ __all__ = [  # noqa: RUF022 - in reading order
     "TrainingError",
 ]
 
-_HOMES = {
-    "load_demonstrations": "demonstrations",
-    "Demonstrations": "demonstrations",
-    "train": "model",
-    "load_memory": "model",
-    "Memory": "model",
-    "pb_map": "maps",
-    "PBMap": "maps",
-    "load_agent": "agents",
+_FILES = {
+    "demonstrations": ("load_demonstrations", "Demonstrations"),
+    "model": ("train", "load_memory", "Memory"),
+    "maps": ("pb_map", "PBMap"),
+    "agents": ("load_agent",),
 }
+_HOMES = {name: part for part, names in _FILES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:

@@ -42,13 +42,9 @@ class _Entry:
 def save_tensors(
     path: str | os.PathLike[str], *, kind: str, header: dict[str, Any], tensors: dict[str, np.ndarray]
 ) -> Path:
-    """Write `tensors` and a JSON-able `header` to one file, in one step, and return its path.
+    """Write `tensors` and a `header` of JSON values without NaN to one file, in one step, and return its path.
 
-    Args:
-        path: The file to make or replace.
-        kind: What the file holds, for example ``memory``; checked when it is read.
-        header: Everything that is not an array. Only what JSON can hold; no NaN.
-        tensors: Arrays by name.
+    `kind` says what the file holds, for example ``memory``; it is checked when the file is read.
     """
     from safetensors.numpy import save
 
@@ -58,10 +54,7 @@ def save_tensors(
 
 
 def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Read a file of `save_tensors`.
-
-    Returns:
-        The header and the arrays by name.
+    """Return the header and the arrays by name of a file of `save_tensors`.
 
     Raises:
         NotFoundError: If there is no such file.
@@ -160,11 +153,7 @@ def take(
 
 
 def only_arrays(where: object, arrays: Iterable[str], names: Iterable[str]) -> None:
-    """Refuse a file whose arrays have other names than these.
-
-    Raises:
-        FileFormatError: Naming the first of them.
-    """
+    """Refuse a file whose arrays have other names than these, by a FileFormatError that says the first of them."""
     if surplus := sorted(set(arrays) - set(names)):
         raise FileFormatError(f"{where}: the array `{surplus[0][:60]}` belongs to no part of it")
 
@@ -270,11 +259,7 @@ def save_npz(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[
 
 
 def npz_header(path: Path, arrays: dict[str, np.ndarray], what: str) -> Any:
-    """Return the JSON that stands as bytes in the array `header` of an NPZ file.
-
-    Raises:
-        FileFormatError: If it is missing, no bytes, or no JSON.
-    """
+    """Return the JSON that stands as bytes in the array `header` of an NPZ file; FileFormatError if it does not."""
     found = arrays.get("header")
     if found is None or found.dtype != np.uint8 or found.ndim != 1:
         raise FileFormatError(f"{path}: not a {what}, or a torn one: the array `header` is missing or holds no bytes")

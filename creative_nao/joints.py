@@ -66,13 +66,7 @@ def read_encoder(angles: np.ndarray) -> np.ndarray:
 
 
 def joint_angles(values: Any, called: str, joints: tuple[str, ...], least: int = 1) -> np.ndarray:
-    """Return an own float64 copy of joint angles, shape (n_steps, n_joints).
-
-    Args:
-        values: The angles.
-        called: What they are, for messages.
-        joints: Name of each column.
-        least: Rows that there should be.
+    """Return an own float64 copy of angles, shape (n_steps >= least, n_joints); messages say what they are called.
 
     Raises:
         ShapeError: If they are no finite numbers of that shape.

@@ -177,13 +177,8 @@ def parse(
 def checked(kind: Any, value: Any, name: str) -> Any:
     """Return an argument of a function after checking it: ``checked(Count, n_steps, "n_steps")``.
 
-    Args:
-        kind: An annotation as of a field, or a class that it should be an instance of, such as `np.random.Generator`.
-        value: What was given.
-        name: Of the argument, for the message.
-
-    Raises:
-        SettingsError: Naming the argument.
+    `kind` is an annotation as of a field, or a class that the value should be an instance of, such as
+    `np.random.Generator`; SettingsError names the argument.
     """
     if not isinstance(kind, type) or _is_record(kind) or kind.__module__ == "builtins":
         return _validated(kind, value, f"`{name}`", SettingsError)
@@ -203,13 +198,7 @@ def checked_path(path: str | os.PathLike[str], name: str = "path") -> Path:
 
 
 def load_json(kind: type[T], path: str | os.PathLike[str], what: str, largest: int = MAX_TEXT_BYTES) -> T:
-    """Return the record in a JSON file.
-
-    Args:
-        kind: Class made by `record`.
-        path: The file.
-        what: What it should be, for messages: ``session``.
-        largest: A file of more bytes is refused before it is read.
+    """Return the record in a JSON file of at most `largest` bytes; `what` says in messages what it should be.
 
     Raises:
         NotFoundError: If there is no such file.

@@ -147,12 +147,9 @@ MAX_YAML_VALUES = 250_000
 
 
 def read_bytes(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> bytes:
-    """Return the content of a file of at most `largest` bytes.
+    """Return the content of a file of at most `largest` bytes; a larger one is refused before a byte of it is read.
 
-    Args:
-        path: The file.
-        what: What it should be, for messages: ``suite``.
-        largest: A larger file is refused before a byte of it is read.
+    `what` says in messages what it should be: ``suite``.
 
     Raises:
         NotFoundError: If there is no such file.
@@ -182,11 +179,7 @@ def read_text(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> str:
 
 
 def as_text(content: bytes, where: str, what: str) -> str:
-    """Return bytes as UTF-8 text, without its byte order mark; `where` begins the message and names the file.
-
-    Raises:
-        FileFormatError: If it is not UTF-8.
-    """
+    """Return bytes as text without its byte order mark; `where` begins the FileFormatError if it is not UTF-8."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -252,14 +245,11 @@ def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def as_yaml(text: str, where: str, most: int = MAX_YAML_VALUES) -> Any:
     """Return what YAML text holds, read by PyYAML's safe loader; numbers such as 1e-5 are numbers, unlike in YAML 1.1.
 
-    Args:
-        text: At most `MAX_YAML_BYTES` characters of YAML.
-        where: Beginning of the message; names the file.
-        most: Values that it may hold.
+    `where` begins the message and names the file.
 
     Raises:
-        FileFormatError: If it is torn or too large, has a tag that names code, is nested more than `MAX_DEPTH` deep,
-            says a key twice, or unfolds to more than `most` values.
+        FileFormatError: If it is torn, has more than `MAX_YAML_BYTES` characters or a tag that names code, is nested
+            more than `MAX_DEPTH` deep, says a key twice, or unfolds to more than `most` values.
     """
     import yaml
 

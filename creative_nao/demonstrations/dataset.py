@@ -140,11 +140,8 @@ class Demonstrations:
 def outside_range(angles: np.ndarray, joints: tuple[str, ...]) -> tuple[int, int, str] | None:
     """Return where an angle first leaves its joint's range by more than the tolerance, and how to say so.
 
-    The ranges of joints that the robot does not have are unknown here; `UNKNOWN_RANGE_RAD` bounds them all.
-
-    Args:
-        angles: Joint angles [rad], shape (n_steps, n_joints).
-        joints: Name of each column.
+    The ranges of joints that the robot does not have are unknown here; `UNKNOWN_RANGE_RAD` bounds them all. The angles
+    [rad] have the shape (n_steps, n_joints).
 
     Returns:
         Row, column and the clause "is 92.0, looks like degrees, expected radians ...", or None if all is well.
@@ -163,13 +160,7 @@ def outside_range(angles: np.ndarray, joints: tuple[str, ...]) -> tuple[int, int
 
 
 def draw_curves(trajectories: Mapping[str, np.ndarray], dt_s: float, joints: tuple[str, ...]) -> bytes:
-    """Return a PNG picture of joint angles over time, a panel for each of the first trajectories.
-
-    Args:
-        trajectories: Joint angles by name [rad], each of shape (n_steps, n_joints).
-        dt_s: Time from one posture to the next [s].
-        joints: Name of each column.
-    """
+    """Return a PNG of joint angles by name [rad], (n_steps, n_joints), over time; a panel for each of the first."""
     from matplotlib.figure import Figure
 
     chosen = dict(list(trajectories.items())[:_MAX_PANELS])

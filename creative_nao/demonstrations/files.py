@@ -96,11 +96,7 @@ def n_ticks(duration_s: float, dt_s: float) -> int:
 
 
 def check_duration(duration_s: float, dt_s: float, most: int, where: str) -> None:
-    """Refuse a recording that is shorter than a tick or longer than `most` ticks; `where` begins the message.
-
-    Raises:
-        FileFormatError: If it is.
-    """
+    """Raise FileFormatError for a recording shorter than a tick or longer than `most` ticks; `where` names it."""
     if duration_s < dt_s * (1.0 - 1e-6):
         raise FileFormatError(f"{where}: lasts {duration_s:g} s, shorter than one tick of {dt_s:g} s.")
     if duration_s / dt_s > most:
@@ -152,16 +148,13 @@ def monotone_cubic(times_s: np.ndarray, angles: np.ndarray, wanted_s: np.ndarray
 def save_trajectory(
     path: str | os.PathLike[str], trajectory: np.ndarray, dt_s: float = DT_S, joints: tuple[str, ...] = JOINTS
 ) -> Path:
-    """Write a trajectory as CSV so that `load_trajectory` gives back the same bits; the file is replaced in one step.
+    """Write a trajectory as CSV, in one step, so that `load_trajectory` gives back the same bits; return the path.
 
     Args:
         path: Where to write.
         trajectory: Joint angles [rad], shape (n_steps, n_joints).
         dt_s: Time from one posture to the next [s].
         joints: Name of each column.
-
-    Returns:
-        The path.
 
     Raises:
         ShapeError: If the trajectory is not a finite array of that shape.
@@ -185,8 +178,7 @@ def _columns(path: Path) -> tuple[str, ...]:
 def read_table(path: Path, text: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Return the header of CSV text and its lines that are not empty, each with its number, all as wide as the header.
 
-    Raises:
-        FileFormatError: If it is no such table, or has more than `MAX_CELLS` cells.
+    FileFormatError tells where it is no such table, or has more than `MAX_CELLS` cells.
     """
     reader = csv.reader(io.StringIO(text, newline=""))
     table, n_cells = [], 0

@@ -4,9 +4,6 @@ Between two key postures every joint follows the minimum-jerk curve, the usual d
 movement (Flash and Hogan 1985): at rest at both ends, `10 s^3 - 15 s^4 + 6 s^5` of the way at the share `s` of the
 time. The key postures (`punches.toml`) are our own. Fists, arms, head and thighs stay more than 1 cm apart, and each
 wind-up is large: the six have to be told apart, by whoever watches and by the distance between them.
-
-`vary` gives the path of a person's hand, which differs from the key postures in timing and reach and by slow drift and
-tremor.
 """
 
 from __future__ import annotations
@@ -97,10 +94,7 @@ def both_arms(right: Posture, left: Posture) -> np.ndarray:
 
 
 def keyframes(name: str) -> Movement:
-    """Return the key postures of one basic action: the guard, three punches at even intervals, the guard.
-
-    Args:
-        name: One of `ACTIONS`.
+    """Return the key postures of one of `ACTIONS`: the guard, three punches at even intervals, the guard.
 
     Returns:
         A movement of `DURATION_S` seconds over the eight joints of `joints.JOINTS`.
@@ -162,13 +156,7 @@ def _wobble(
 
 @dataclass(frozen=True)
 class GuidedPath:
-    """The path along which a hand leads the arms.
-
-    Attributes:
-        movement: The varied key postures.
-        drift: Slow wander: the deviation [rad] at any times [s].
-        tremor: Fast wander.
-    """
+    """The path along which a hand leads the arms: varied key postures, plus two deviations [rad] at any times [s]."""
 
     movement: Movement
     drift: Callable[[np.ndarray], np.ndarray]
@@ -186,11 +174,6 @@ def vary(movement: Movement, variation: GuidanceVariation, rng: np.random.Genera
 
     The first and the last posture stay the guard and the total duration stays as it is; every key posture between them
     is reached a little early or late and a little short or far. Held postures stay held.
-
-    Args:
-        movement: What is meant; its first posture is the guard.
-        variation: How much the hand varies.
-        rng: Source of all randomness.
     """
     checked(Movement, movement, "movement")
     checked(GuidanceVariation, variation, "variation")

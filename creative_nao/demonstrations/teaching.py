@@ -95,14 +95,10 @@ class Hand:
         return data.xpos[self._body] + turned @ np.array(HELD_AT_M), turned
 
     def drag(self, data: Any, place: np.ndarray, attitude: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> float:
-        """Add the hand's pull and twist to `data.qfrc_applied` and return the size of the pull [N].
+        """Add the hand's pull and twist to `data.qfrc_applied`, kinematics up to date; return the size of the pull [N].
 
-        Args:
-            data: The `mujoco.MjData` of the robot, kinematics up to date.
-            place: Where the hand wants the held point [m], shape (3,).
-            attitude: How it wants the body turned, shape (3, 3).
-            velocity: How fast the hand moves [m/s], shape (3,).
-            spin: How fast it turns, in the world frame [rad/s], shape (3,).
+        The hand wants the held point at `place` [m] and the body turned by `attitude`, shape (3, 3). It moves at
+        `velocity` [m/s] and turns at `spin` in the world frame [rad/s]. All but `attitude` have the shape (3,).
         """
         here, turned = self.pose(data)
         along, about = self._jacobian
@@ -155,12 +151,7 @@ class Lesson:
 
 
 class Teacher:
-    """Leads the limp arms of one robot through actions.
-
-    Args:
-        grip: How firmly the hands hold.
-        variation: How the person differs from the key postures.
-    """
+    """Leads the limp arms of one robot through actions."""
 
     def __init__(self, grip: Grip | None = None, variation: GuidanceVariation | None = None) -> None:
         self.variation = variation or GuidanceVariation()
@@ -174,11 +165,7 @@ class Teacher:
         self._self_contact = int(model.sensor_adr[touch])
 
     def teach(self, name: str, rng: np.random.Generator) -> Lesson:
-        """Lead the arms through one basic action and record it.
-
-        Args:
-            name: One of `keyframes.ACTIONS`.
-            rng: Source of all variation.
+        """Lead the arms through one of `keyframes.ACTIONS` and record it.
 
         Raises:
             NotFoundError: If there is no such basic action.
@@ -219,10 +206,7 @@ class Teacher:
         )
 
     def _hand_poses(self, path: GuidedPath, times: np.ndarray) -> list[list[tuple[np.ndarray, ...]]]:
-        """Return for each hand and time where it wants the forearm: place, attitude, velocity and spin.
-
-        Found by the robot's own forward kinematics of the posture that the person has in mind.
-        """
+        """Return by forward kinematics for each hand and time the forearm's place, attitude, velocity and spin."""
         model, wanted, step_s = self._model, self._wanted, self._model.opt.timestep
         self.scene.place(wanted, "Guard")
         held: list[list[tuple[np.ndarray, np.ndarray]]] = [[], []]
@@ -246,15 +230,9 @@ def teach(
     grip: Grip | None = None,
     variation: GuidanceVariation | None = None,
 ) -> list[Lesson]:
-    """Teach basic actions to the simulated robot, one lesson each.
+    """Teach basic actions, named as in `keyframes.ACTIONS`, to the simulated robot, one lesson each.
 
     Every action has a generator of its own, so that leaving one out does not change the others after it.
-
-    Args:
-        rng: Source of all variation.
-        actions: Names from `keyframes.ACTIONS`.
-        grip: How firmly the hands hold.
-        variation: How the person differs from the key postures.
     """
     teacher = Teacher(grip, variation)
     streams = dict(zip(ACTIONS, rng.spawn(len(ACTIONS)), strict=True))

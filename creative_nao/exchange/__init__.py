@@ -1,9 +1,6 @@
 """Movements out of the project and into it: tables, programs for the robot, ROS, Webots. No network, no simulator.
 
-- `Motion`: angles, tick, joints, metadata (`keys.py`); `read` and `write` do all formats (`formats.py`).
-- `inspect`, `made_safe`, `UnsafeMotionError`: may a robot be asked to do it (`safety.py`)?
-- `FORMATS`: csv and npz (`formats.py`), naoqi and json (`choregraphe.py`), ros and webots (`simulators.py`). What an
-  importer found becomes a movement in `keys.py`.
+`read` and `write` do all `FORMATS`; `inspect` and `made_safe` say whether a robot may be asked to do it.
 """
 
 from creative_nao.exchange.formats import FORMATS, Exported, format_for, read, recognise, write

@@ -54,11 +54,7 @@ def _rows(value: Any) -> str:
 
 
 def read_json(path: Path, content: bytes) -> Keys:
-    """Read an object with `names`, `times` and `angles` (or `keys`); times may be one list for all joints.
-
-    Raises:
-        FileFormatError: If a list is missing or of the wrong kind, or the angles are relative.
-    """
+    """Read an object with `names`, `times` and absolute `angles` (or `keys`); times may be one list for all joints."""
     found = parse(JsonObject, text_of(path, content), str(path))
     angles = found.get("angles", found.get("keys"))
     if angles is None or "names" not in found or "times" not in found:
@@ -79,11 +75,7 @@ def read_json(path: Path, content: bytes) -> Keys:
 
 
 def keys_of(path: Path, names: object, times: object, angles: object) -> Keys:
-    """Turn three parallel lists into keys; a key may be an angle or an angle with its two Bezier handles.
-
-    Raises:
-        FileFormatError: If they are not lists of numbers of matching lengths.
-    """
+    """Turn three parallel lists of equal length into keys: angles, or angles with their two Bezier handles."""
     joints = parse(JointNames, names, f"{path}: `names`")
     when, where = parse(list[Any], times, f"{path}: `times`"), parse(list[Any], angles, f"{path}: `angles`")
     if when and not isinstance(when[0], list | tuple):
@@ -118,11 +110,7 @@ _LISTS = {
 
 
 def read_python(path: Path, content: bytes) -> Keys:
-    """Read the three lists of a Python file without running it.
-
-    Raises:
-        FileFormatError: If it is not Python, or a list is missing, given twice, or not made of literals.
-    """
+    """Read the three lists of a Python file without running it; each must be there once, made of literals."""
     if len(content) > MAX_PYTHON_BYTES:
         raise FileFormatError(
             f"{path}: has {len(content)} bytes, expected at most {MAX_PYTHON_BYTES} of a Python file."

@@ -33,11 +33,7 @@ def write_csv(motion: Motion, path: Path) -> list[str]:
 
 
 def read_csv(path: Path, content: bytes) -> Keys:
-    """Read a CSV file with a column `time_s` in seconds.
-
-    Raises:
-        FileFormatError: If it is not such a table; the message names line and column.
-    """
+    """Read a CSV file with a column `time_s` in seconds; errors name line and column."""
     header, rows = files.read_table(path, text_of(path, content))
     time = files.TIME_COLUMN
     if header.count(time) != 1 or len(header) < 2:
@@ -75,11 +71,7 @@ def write_npz(motion: Motion, path: Path) -> list[str]:
 
 
 def read_npz(path: Path, content: bytes) -> Keys:
-    """Read what `write_npz` writes; `times_s`, shape (n_steps,), may stand in the place of `dt_s`.
-
-    Raises:
-        FileFormatError: If an array is missing, torn, pickled, or has the wrong type or shape.
-    """
+    """Read what `write_npz` writes; `times_s`, shape (n_steps,), may stand in the place of `dt_s`. No pickles."""
     arrays = unpack_npz(path, "movement", content, MAX_FILE_BYTES)
     only_arrays(path, arrays, ("angles", "joints", "dt_s", "times_s", "metadata"))
     for name in ("angles", "joints"):
@@ -166,11 +158,7 @@ class Exported:
 
 
 def format_for(path: str | os.PathLike[str]) -> str:
-    """Return the format that a file to be written has by its ending.
-
-    Raises:
-        SettingsError: If no format has this ending.
-    """
+    """Return the format that a file to be written has by its ending; SettingsError if none has this ending."""
     ending = checked_path(path).suffix.lower()
     for name, one in FORMATS.items():
         if ending in one.endings:

@@ -14,19 +14,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from creative_nao import storage
-from creative_nao.demonstrations.dataset import (
-    DEGREES_FROM_RAD,
-    LIMIT_TOLERANCE_RAD,
-    Tick,
-    draw_curves,
-)
-from creative_nao.demonstrations.files import (
-    LARGEST_TIME_S,
-    SHORTEST_STEP_S,
-    check_duration,
-    monotone_cubic,
-    resample,
-)
+from creative_nao.demonstrations.dataset import DEGREES_FROM_RAD, LIMIT_TOLERANCE_RAD, Tick, draw_curves
+from creative_nao.demonstrations.files import LARGEST_TIME_S, SHORTEST_STEP_S, check_duration, monotone_cubic, resample
 from creative_nao.demonstrations.keyframes import DT_S
 from creative_nao.errors import FileFormatError, SettingsError, nearest_name
 from creative_nao.joints import JOINTS, LIMITS_RAD, joint_angles
@@ -105,12 +94,9 @@ class Motion:
         return [round(start_s + step * self.dt_s, 9) for step in range(len(self.angles))]
 
     def lead_s(self) -> float:
-        """Return how long the way to the first posture takes at a safe speed, wherever in its range each joint stands.
+        """Return how long the way to the first posture takes at a safe speed [s]: whole cycles, at least `MIN_LEAD_S`.
 
-        A robot that gets this movement must not jump to its first posture, and a file cannot know where the robot is.
-
-        Returns:
-            Seconds, a whole number of cycles, at least `MIN_LEAD_S`.
+        The robot must not jump there, and a file cannot know where the robot is: the farthest end of each range counts.
         """
         farthest = 0.0
         for joint, angle in zip(self.joints, self.angles[0], strict=True):
@@ -137,13 +123,7 @@ class Keys:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A movement read from a file.
-
-    Attributes:
-        motion: The movement.
-        format: Name of the file's format.
-        notes: What was recognised, left out or changed, one sentence each.
-    """
+    """A movement read from a file, the name of its format, and what was recognised, left out or changed in notes."""
 
     motion: Motion
     format: str
@@ -158,17 +138,10 @@ def text_of(path: Path, content: bytes) -> str:
 def to_motion(
     keys: Keys, path: Path, dt_s: float | None, joints: tuple[str, ...] | None
 ) -> tuple[Motion, tuple[str, ...]]:
-    """Turn keys into a movement of the wanted joints at one tick, and tell what was done.
+    """Turn keys into a movement of the wanted joints at one tick, and tell what was done; `path` is for messages.
 
-    Args:
-        keys: What stands in the file.
-        path: The file, for messages.
-        dt_s: Wanted tick [s]. None: the file's own if its postures are evenly spaced, else 0.15 s.
-        joints: Wanted joints, in this order. None: all, in the file's order.
-
-    Raises:
-        FileFormatError: If a wanted joint is missing, times do not rise, or the movement is too short or too long.
-        SettingsError: If `dt_s` is not positive.
+    `dt_s` [s] and `joints` are those of `formats.read`. FileFormatError tells of a wanted joint that is missing, times
+    that do not rise, and a movement that is too short or too long; SettingsError of a `dt_s` that is not positive.
     """
     dt_s = None if dt_s is None else checked(Tick, dt_s, "dt_s")
     notes = list(keys.notes)

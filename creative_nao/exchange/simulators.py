@@ -49,11 +49,7 @@ def write_motion(motion: Motion, path: Path) -> list[str]:
 
 
 def read_motion(path: Path, content: bytes) -> Keys:
-    """Read a `.motion` file; an asterisk leaves a joint without a key at that time.
-
-    Raises:
-        FileFormatError: If it is not such a file; the message names the line.
-    """
+    """Read a `.motion` file; an asterisk leaves a joint without a key at that time. Errors name the line."""
     lines = [line.strip() for line in text_of(path, content).splitlines()] or [""]
     header = [cell.strip() for cell in lines[0].split(",")]
     if header[0] != MARK or len(header) < 3:
@@ -128,11 +124,7 @@ def _yaml(value: dict[str, Any], indent: int = 0) -> str:
 
 
 def read_ros(path: Path, content: bytes) -> Keys:
-    """Read a message, also as the `trajectory` of a FollowJointTrajectory goal.
-
-    Raises:
-        FileFormatError: If a field is missing or of the wrong kind; the message names the point.
-    """
+    """Read a message, also as the `trajectory` of a FollowJointTrajectory goal. Errors name the point."""
     text = text_of(path, content)
     if text.lstrip()[:1] == "{":
         found = parse(JsonObject, text, str(path))

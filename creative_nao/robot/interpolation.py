@@ -63,12 +63,9 @@ def minimum_jerk(start: np.ndarray, end: np.ndarray, n_steps: int) -> np.ndarray
 
 
 def limit_speed(targets: np.ndarray, start: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Let the targets move by at most `step` a row, as the robot's own controller does; slow ones stay as they are.
+    """Let `targets`, (n_rows, n_channels), move from `start` by at most `step` a row, both of shape (n_channels,).
 
-    Args:
-        targets: Shape (n_rows, n_channels).
-        start: Where the move begins, shape (n_channels,).
-        step: Largest change from one row to the next, shape (n_channels,).
+    The robot's own controller does so; slow targets stay as they are.
     """
     if np.all(np.abs(np.diff(targets, axis=0, prepend=start[None])) <= step):
         return targets

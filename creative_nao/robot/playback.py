@@ -64,12 +64,7 @@ class RobotVariation:
 
 
 class Varied:
-    """Applies variations to one compiled model, and restores it; everyone who simulates with the model is affected.
-
-    Args:
-        model: The compiled `mujoco.MjModel`.
-        index: Rows of the robot in its arrays.
-    """
+    """Applies variations to one compiled `mujoco.MjModel`, and restores it, for everyone who simulates with it."""
 
     def __init__(self, model: Any, index: Index) -> None:
         self._model = model
@@ -127,11 +122,7 @@ class Performer:
     def vary(self, variation: RobotVariation, rng: np.random.Generator) -> None:
         """Perform from now on with a robot that differs, and settle it anew; `RobotVariation()` restores the published.
 
-        The model of the scene is changed: everyone who simulates with it is affected.
-
-        Args:
-            variation: How it differs.
-            rng: Where the noise of the encoders is drawn from.
+        The model of the scene is changed for everyone who simulates with it. `rng` draws the noise of the encoders.
         """
         if self._varied is None:
             self._varied = Varied(self.scene.model, self.scene.index)

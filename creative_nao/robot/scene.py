@@ -180,17 +180,12 @@ class ServoSettings:
 class Stiffness:
     """Sets the stiffness of single joints at run time, by scaling the torque limits of the compiled model.
 
-    0 makes the joint limp, 1 allows the full torque. The model is shared by everyone who simulates with it: set it back
-    to 1.
-
-    Args:
-        model: The compiled `mujoco.MjModel`.
-        actuator_ids: Where each joint's actuator stands in the model.
+    0 makes the joint limp, 1 allows the full torque. The compiled model, in which `actuator_ids` says where each
+    joint's actuator stands, is shared by everyone who simulates with it: set it back to 1.
     """
 
     def __init__(self, model: Any, actuator_ids: dict[str, int]) -> None:
-        self._model = model
-        self._ids = dict(actuator_ids)
+        self._model, self._ids = model, dict(actuator_ids)
         self._full_range = model.actuator_forcerange.copy()
 
     def set(self, joints: tuple[str, ...], stiffness: float) -> None:
@@ -272,11 +267,7 @@ def bare_scene(*, with_bag: bool = True, servos: ServoSettings | None = None) ->
     """Return a scene for computing only: nothing that is drawn, no sensor that no performance reads.
 
     The states are bit for bit those of the full scene, since what is left away has no mass and touches nothing; a
-    performance takes about a sixth less time (`benchmarks/physics.py pool`).
-
-    Args:
-        with_bag: Whether the bag hangs there.
-        servos: Gains of the servos; None for those of `nao.xml`.
+    performance takes about a sixth less time (`benchmarks/physics.py pool`). The arguments are those of `Scene`.
     """
     scene = Scene(with_bag=with_bag, servos=servos)
     read = {name for names in PERFORMANCE_SENSORS.values() for name in names}

@@ -60,13 +60,7 @@ def paper_settings(*, quick: bool = False, retrain: bool = False, seed: int = 0)
 
 @dataclass(frozen=True)
 class Entry:
-    """A network of the reproduction.
-
-    Attributes:
-        condition: `open`, `half` or `closed`.
-        seed: Seed of its initial weights.
-        path: Its memory file.
-    """
+    """A network of the reproduction: its condition, the seed of its initial weights, and its memory file."""
 
     condition: str
     seed: int
@@ -93,11 +87,7 @@ class Entry:
 
 
 def shipped_bank() -> list[Entry]:
-    """Return the memories that ship with the package, as many as there are, in order of condition and seed.
-
-    Raises:
-        NotFoundError: If none of a condition ships with this installation.
-    """
+    """Return the memories that ship with the package, by condition and seed; NotFoundError if a condition has none."""
     pairs = [name.split("/") for name in shipped_memories()]
     bank = [Entry(condition, int(seed), PRETRAINED / f"{condition}-{seed}.safetensors") for condition, seed in pairs]
     if missing := _missing_condition(bank):
@@ -106,12 +96,9 @@ def shipped_bank() -> list[Entry]:
 
 
 def wanted_networks(n_seeds: int, n_epochs: int, seed: int) -> list[TrainingSettings]:
-    """Return the settings of networks to be trained, in all conditions; those of one seed begin with the same weights.
+    """Return the settings of `n_seeds` networks to be trained in each condition, with `seed` and those after it.
 
-    Args:
-        n_seeds: Networks per condition.
-        n_epochs: Epochs of each.
-        seed: Seed of the first.
+    Those of one seed begin with the same weights.
     """
     return [
         TrainingSettings(closed_loop_ratio=ratio, n_epochs=n_epochs, seed=seed + place)

@@ -47,14 +47,7 @@ Figures = Mapping[str, Any]
 
 @record
 class Measure:
-    """A row of Table I.
-
-    Attributes:
-        field: Name in `results.json`.
-        title: Name on pages.
-        unit: Unit on pages.
-        paper: The paper's value per condition; empty where it gives none.
-    """
+    """A row of Table I: its name in `results.json`, title and unit on pages, the paper's value per condition if any."""
 
     field: Text
     title: Text
@@ -110,11 +103,9 @@ DECIDED_BY_TABLE_I = tuple(
 
 
 def judge(networks: Sequence[Figures], *, seed: int) -> list[dict[str, Any]]:
-    """Return the verdict on each claim with its evidence, as plain values: the content of `claims.json`.
+    """Return the verdict on each claim with its evidence: the content of `claims.json`.
 
-    Args:
-        networks: Figures of every network.
-        seed: Decides the bootstrap samples.
+    `networks` has the figures of every network; `seed` decides the bootstrap samples.
     """
     return [_judge(claim, [_with_derived(one) for one in networks], seed) for claim in CLAIMS]
 
@@ -166,8 +157,8 @@ def difference(values: Mapping[str, np.ndarray], above: str, below: str, rng: np
 
     Args:
         values: Values of each condition, one per seed, shape (n,), at least one.
-        above: Condition from whose mean is subtracted.
-        below: Condition whose mean is subtracted.
+        above: Condition from whose mean that of `below` is subtracted.
+        below: The other one.
         rng: Draws the samples.
 
     Returns:

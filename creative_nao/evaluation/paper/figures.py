@@ -1,8 +1,4 @@
-"""All figures of the reproduction, drawn and written, with what their captions need to know.
-
-Learning curves (the paper's Fig. 2) and Table I as dots with intervals; movements as joint curves (Fig. 3); the maps
-of the three conditions side by side (Fig. 4), of every network, and a walk through one of them (Fig. 5).
-"""
+"""All figures of the reproduction, the paper's Fig. 2 to 5 and Table I, with what their captions need to know."""
 
 from __future__ import annotations
 
@@ -117,8 +113,7 @@ def table_dots(networks: Networks, rows: Sequence[Mapping[str, Any]]) -> Figure:
 def _thinned(memory: Memory) -> tuple[np.ndarray, np.ndarray]:
     """Return epochs and loss of a memory's curve, the median over each stretch."""
     history = memory.loss_history.astype(np.float64)
-    n = min(N_POINTS, len(history))
-    parts = np.array_split(np.arange(len(history)), n)
+    parts = np.array_split(np.arange(len(history)), min(N_POINTS, len(history)))
     epochs = np.array([1 + memory.loss_every * float(part.mean()) for part in parts])
     return epochs, np.array([np.median(history[part]) for part in parts])
 
@@ -128,11 +123,7 @@ def examples(networks: Sequence[Network], rng: np.random.Generator) -> tuple[Fig
 
     The rule: a fluctuating one and a non-moving one, each drawn at random from the first map that has any; the two
     most novel ones of the first map, by greedy search over the whole of it; the clearest combination of the first
-    memory that has one.
-
-    Args:
-        networks: The one to be shown comes first.
-        rng: Draws the first two.
+    memory that has one. Of the networks, the one to be shown comes first.
 
     Returns:
         The figure, and what is missing from it, in words.
@@ -298,21 +289,11 @@ def _plain_legend(memory_map: PBMap) -> list:
 
 
 def draw_pictures(
-    folder: Path,
-    bank: Sequence[Entry],
-    networks: Sequence[Figures],
-    rows: Sequence[Mapping[str, Any]],
-    *,
-    seed: int,
+    folder: Path, bank: Sequence[Entry], networks: Sequence[Figures], rows: Sequence[Mapping[str, Any]], *, seed: int
 ) -> dict[str, Any]:
-    """Draw every figure into the subfolder `images` of a run folder.
+    """Draw every figure into the subfolder `images` of a run folder with maps; `seed` draws the examples.
 
-    Args:
-        folder: Run folder with the maps.
-        bank: The networks.
-        networks: Their figures, in the same order.
-        rows: The rows of `results.json`.
-        seed: Draws the examples.
+    `networks` has the figures of the networks of `bank`, in the same order; `rows` are those of `results.json`.
 
     Returns:
         What the captions say: the seed that is shown, the walk, what is missing from the examples.
@@ -322,7 +303,7 @@ def draw_pictures(
         for entry, figures in zip(bank, networks, strict=True)
     ]
     per = {name: [one for one in every if one.entry.condition == name] for name in CONDITION_NAMES}
-    _, half, memory_map, _ = per["half"][0]
+    entry, half, memory_map, _ = per["half"][0]
     # Half closed first, as in the paper's Fig. 3 and 5, then the others.
     half_first = sorted(every, key=lambda one: one.entry.condition != "half")
     taught = [
@@ -343,7 +324,7 @@ def draw_pictures(
             save(drawn, folder / "images" / f"paper_{name}.png")
     points, between = walk_points(half)
     return {
-        "shown_seed": per["half"][0].entry.seed,
+        "shown_seed": entry.seed,
         "n_epochs": sorted({one.memory.training.n_epochs for one in every}),
         "examples_missing": missing,
         "walk": {"memory": half.name, "between": list(between), "pb": points.tolist()},

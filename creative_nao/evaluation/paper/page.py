@@ -98,11 +98,9 @@ def read_content(folder: Path) -> dict[str, Any]:
 
 
 def make_page(content: Mapping[str, Any], *, results_at: str = "") -> str:
-    """Return the page as Markdown.
+    """Return the page as Markdown, made of what `read_content` gives.
 
-    Args:
-        content: The result files, as `read_content` gives them.
-        results_at: Folder of the result files, seen from the page, for its links; empty for the same folder.
+    For its links, `results_at` is the folder of the result files, seen from the page; empty for the same folder.
 
     Raises:
         FileFormatError: If a part of a result file is missing or of another kind.
@@ -125,10 +123,7 @@ def make_page(content: Mapping[str, Any], *, results_at: str = "") -> str:
 
 
 def findings(study: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return what the study of the open choices says of each claim that Table I decides.
-
-    Args:
-        study: Content of `sensitivity.json`.
+    """Return what the study of the open choices, `sensitivity.json`, says of each claim that Table I decides.
 
     Returns:
         `study`: `scoring` or `training`. `says`: the claim. `titles`: by verdict, the ways in which it is reached.
@@ -150,12 +145,7 @@ def findings(study: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def to_html(markdown: str, images: Path) -> str:
-    """Return the page as HTML that needs no other file: pictures are put into it.
-
-    Args:
-        markdown: The page.
-        images: Folder from which its pictures are seen.
-    """
+    """Return the page as HTML that needs no other file: its pictures, seen from the folder `images`, are put in."""
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(markdown)
     for token in tokens:

@@ -170,12 +170,7 @@ def mixtures(demos: Demonstrations, first: int, second: int) -> list[tuple[str, 
 
 
 def combination_figures(memory: Memory, memory_map: PBMap, rng: np.random.Generator) -> dict[str, Any]:
-    """Return how many unlearned actions of a map are combinations, and between which basic actions they lie.
-
-    Args:
-        memory: The memory.
-        memory_map: Its map, with trajectories.
-        rng: Draws the points that are looked at.
+    """Return how many unlearned actions of a map with trajectories are combinations; `rng` draws those looked at.
 
     Returns:
         `combination_pct`: share of the unlearned actions that are a combination, None without unlearned ones;
@@ -219,13 +214,7 @@ def _lies_between(memory: Memory, first: int, second: int) -> bool:
 
 
 def make_results(networks: Sequence[Figures], *, resolution: int, seed: int) -> dict[str, Any]:
-    """Return the content of `results.json`: one row per condition.
-
-    Args:
-        networks: Figures of every network.
-        resolution: Points along each axis of the maps.
-        seed: Decides the bootstrap samples.
-    """
+    """Return the content of `results.json`, one row per condition; `seed` decides the bootstrap samples."""
     rows = []
     for condition in CONDITION_NAMES:
         mine = [one for one in networks if one["condition"] == condition]
