@@ -58,7 +58,7 @@ def _environment(folder: Path | None) -> jinja2.Environment:
     )
     environment.filters |= {
         "md": md, "code": code, "interval": interval, "span": span, "thousands": "{:,}".format,
-        "paragraph": paragraph, "bullet": bullet,
+        "paragraph": _wrapped, "bullet": functools.partial(_wrapped, first="- ", others="  ", after="\n"),
     }  # fmt: skip
     return environment
 
@@ -89,20 +89,9 @@ def code(text: str) -> str:
     return f"{fence}{gap}{text}{gap}{fence}"
 
 
-def paragraph(text: str) -> str:
-    """Return sentences as one wrapped paragraph of Markdown and an empty line."""
-    return _wrapped(text, "", "") + "\n\n"
-
-
-def bullet(text: str) -> str:
-    """Return sentences as one wrapped item of a Markdown list."""
-    return _wrapped(text, "- ", "  ") + "\n"
-
-
-def _wrapped(text: str, first: str, others: str) -> str:
-    indents: dict[str, Any] = {"initial_indent": first, "subsequent_indent": others}
-    wrapper = textwrap.TextWrapper(WIDTH, **indents, break_long_words=False, break_on_hyphens=False)
-    return wrapper.fill(" ".join(text.split()))
+def _wrapped(text: str, first: str = "", others: str = "", after: str = "\n\n") -> str:
+    wrapper = textwrap.TextWrapper(WIDTH, first, others, break_long_words=False, break_on_hyphens=False)
+    return wrapper.fill(" ".join(text.split())) + after
 
 
 def interval(found: Mapping[str, Any] | None, digits: int, *, scale: float = 1.0, sign: str = "") -> str:

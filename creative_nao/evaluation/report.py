@@ -59,6 +59,11 @@ def write_report(
     n_shown = min(MAX_SHOWN, len(suite.memories))  # all of a few, else some spread over the suite's list
     shown = [suite.memories[place * len(suite.memories) // n_shown] for place in range(n_shown)]
     maps = {memory: PBMap.load(folder / "maps" / f"{slug(memory)}.npz") for memory in shown}
+    others = []  # told of by training if they come out of a bundle, else by docstring
+    for agent in [agent for agent in suite.agents if agent not in INTRODUCED]:
+        about = (UNTRAINED[agent].__doc__ or "").strip().partition("\n")[0] if agent in UNTRAINED else None
+        n_trained = actions_before(agent) if in_bundle(agent) else None
+        others.append({"name": agent, "n_trained": n_trained, "about": about})
     page = pages.render(
         "report.html.jinja",
         **findings(suite, results, measured),
@@ -68,7 +73,7 @@ def write_report(
         rows=[_line(row, pages.cells(row)) for row in results["rows"]],
         summary_titles=[title.replace("\n", " ") for title in pages.SUMMARY_TITLES],
         summary=[_line(entry, pages.summary_cells(entry)) for entry in results["summary"]],
-        others=[_introduction(agent) for agent in suite.agents if agent not in INTRODUCED],
+        others=others,
         trained=[agent for agent in suite.agents if trained_here(agent)],
         notes=notes(results),
         pictures=draw_figures(folder, suite, results, measured, maps),
@@ -81,12 +86,6 @@ def write_report(
 
 def _line(row: Row, cells: Sequence[tuple[str, str]]) -> dict[str, Any]:
     return {**row, "env": env_label(row["env"]), "colour": agent_colour(row["agent"]), "cells": cells}
-
-
-def _introduction(agent: str) -> dict[str, Any]:
-    """Return what the report tells of an agent: its training if it comes out of a bundle, else its docstring."""
-    about = (UNTRAINED[agent].__doc__ or "").strip().partition("\n")[0] if agent in UNTRAINED else None
-    return {"name": agent, "n_trained": actions_before(agent) if in_bundle(agent) else None, "about": about}
 
 
 def findings(suite: Suite, results: Mapping[str, Any], measured: Measured) -> dict[str, Any]:
@@ -128,11 +127,12 @@ def _ranking(rows: Sequence[Row]) -> dict[str, Any]:
 
 def _physics(suite: Suite, measured: Measured, memory: str) -> list[dict[str, Any]]:
     """Compare, action by action, what the same PB vectors gave as the memory imagines them and in physics."""
+    # Agents that look at no results choose the same points in both.
+    blind = [agent for agent in suite.agents if agent in UNTRAINED and not UNTRAINED[agent]().learns_within_episode]
     found = []
     for env in [env for env in suite.envs if suite.oracle_envs and env not in suite.oracle_envs]:
         imagined, performed = (
-            # Agents that look at no results choose the same in both.
-            [e for e in measured.episodes if (e.memory, e.env) == (memory, which) and _is_blind(e.agent)]
+            [e for e in measured.episodes if (e.memory, e.env) == (memory, which) and e.agent in blind]
             for which in (suite.oracle_envs[0], env)
         )
         actions = ([action for episode in episodes for action in episode.actions] for episodes in (imagined, performed))
@@ -142,11 +142,6 @@ def _physics(suite: Suite, measured: Measured, memory: str) -> list[dict[str, An
             counts = {"n_usable": len(usable), "n_refused": usable.count(False)}
             found.append({"kind": "physics", "memory": memory, "change_pct": change, **counts})
     return found
-
-
-def _is_blind(agent: str) -> bool:
-    """Return whether an agent chooses without looking at results, so that it plays the same points everywhere."""
-    return agent in UNTRAINED and not UNTRAINED[agent]().learns_within_episode
 
 
 def notes(results: Mapping[str, Any]) -> list[tuple[str, list[str]]]:

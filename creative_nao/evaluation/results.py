@@ -262,11 +262,11 @@ def _field(field: str, values: Sequence[float | None], rng: np.random.Generator)
     if not known:
         return {field: None, f"{field}_reason": WHY_NONE[field]}
     found = estimate(np.array(known), rng=rng)
-    described: dict[str, Any] = {field: found.as_json()}
+    described: dict[str, Any] = {field: found}
     reasons = []
     if len(known) < len(values):
         reasons.append(f"over {len(known)} of {len(values)} seeds; in the others {WHY_NONE[field]}")
-    if found.low is None:
+    if found["low"] is None:
         reasons.append("no interval from a single seed")
     if reasons:
         described[f"{field}_reason"] = "; ".join(reasons)
@@ -302,8 +302,8 @@ def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: 
         "n_memories": rewards.shape[1],
         "n_seeds": rewards.shape[0],
         "n_actions_training": own[0]["n_actions_training"],
-        "reward": estimate(rewards, rng=rng("reward")).as_json(),
-        "reward_iqm": estimate(rewards, rng=rng("reward_iqm"), statistic=iqm).as_json(),
+        "reward": estimate(rewards, rng=rng("reward")),
+        "reward_iqm": estimate(rewards, rng=rng("reward_iqm"), statistic=iqm),
         "oracle_share": None,
         "oracle_share_iqm": None,
         "profile": None,
@@ -313,8 +313,8 @@ def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: 
         shares = rewards / np.array(best)
         low, high = profile_band(shares, np.array(THRESHOLDS), rng=rng("profile"))
         entry |= {
-            "oracle_share": estimate(shares, rng=rng("oracle_share")).as_json(),
-            "oracle_share_iqm": estimate(shares, rng=rng("oracle_share_iqm"), statistic=iqm).as_json(),
+            "oracle_share": estimate(shares, rng=rng("oracle_share")),
+            "oracle_share_iqm": estimate(shares, rng=rng("oracle_share_iqm"), statistic=iqm),
             "profile": {
                 "threshold": list(THRESHOLDS),
                 "share_above": performance_profile(shares, np.array(THRESHOLDS)).tolist(),
@@ -328,9 +328,9 @@ def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: 
         difference = rewards - theirs
         entry["versus"] = {
             "baseline": baseline,
-            "probability_of_improvement": compare(rewards, theirs, rng=rng("improvement")).as_json(),
-            "difference": estimate(difference, rng=rng("difference")).as_json(),
-            "difference_other_memories": estimate_over_tasks(difference, rng=rng("other_memories")).as_json(),
+            "probability_of_improvement": compare(rewards, theirs, rng=rng("improvement")),
+            "difference": estimate(difference, rng=rng("difference")),
+            "difference_other_memories": estimate_over_tasks(difference, rng=rng("other_memories")),
             "n_memories_ahead": int((difference.mean(axis=0) > 0.0).sum()),
         }
     return entry

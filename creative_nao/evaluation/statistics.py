@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,18 +30,8 @@ Statistic = Callable[[np.ndarray], np.ndarray]
 """Takes an array (..., runs, tasks), gives an array (...)."""
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A figure with its interval; `low` and `high` are None when a single run leaves it unknown."""
-
-    value: float
-    low: float | None
-    high: float | None
-    n_runs: int
-
-    def as_json(self) -> dict[str, float | None]:
-        """Return the figure as `results.json` holds it."""
-        return {"mean": self.value, "low": self.low, "high": self.high}
+Estimate = dict[str, Any]
+"""A figure as `results.json` holds it: `mean`, `low` and `high`, these None when a single run leaves them unknown."""
 
 
 def seed_sequence(*parts: int | str) -> np.random.SeedSequence:
@@ -143,7 +132,7 @@ def estimate_over_tasks(values: np.ndarray, *, rng: np.random.Generator) -> Esti
     """Return a mean with an interval that speaks of other tasks too: tasks are drawn anew, then runs within each.
 
     The stratified interval keeps the tasks; where an answer is meant for tasks of the same kind that nobody has tried,
-    their choice is chance as well. `n_runs` of the result counts the tasks.
+    their choice is chance as well.
 
     Args:
         values: Shape (runs, tasks), finite.
@@ -192,10 +181,10 @@ def bootstrap_interval(samples: np.ndarray, n_runs: int) -> tuple[Any, Any]:
 
 def _estimate(value: float, n_runs: int, samples: Callable[[], np.ndarray]) -> Estimate:
     if n_runs == 1:
-        return Estimate(value, None, None, 1)
+        return {"mean": value, "low": None, "high": None}
     low, high = map(float, bootstrap_interval(samples(), n_runs))
     # Of equal runs the mean is rounded differently from sample to sample; an interval holds its own figure.
-    return Estimate(value, min(low, value), max(high, value), n_runs)
+    return {"mean": value, "low": min(low, value), "high": max(high, value)}
 
 
 def resample(values: np.ndarray, n_resamples: int, rng: np.random.Generator) -> np.ndarray:

@@ -246,8 +246,7 @@ def mean_with_interval(values: np.ndarray, *seeds: int | str) -> dict[str, float
     """Return mean, low and high over seeds, shape (n,); None without values. `seeds` decide the bootstrap samples."""
     if not len(values):
         return None
-    mean = estimate(values, rng=np.random.default_rng(seed_sequence(*seeds)))
-    return {"mean": mean.value, "low": mean.low, "high": mean.high}
+    return estimate(values, rng=np.random.default_rng(seed_sequence(*seeds)))
 
 
 def networks_csv(networks: Sequence[Figures]) -> str:
