@@ -284,8 +284,7 @@ def summarise(rows: Sequence[Row], *, baseline: str, base_seed: int) -> list[dic
     return [_entry(rows, env, agent, baseline, base_seed) for env, agent in pairs]
 
 
-def _rewards(rows: Sequence[Row]) -> np.ndarray:
-    """Return an agent's rewards in an environment, shape (seeds, memories)."""
+def _rewards(rows: Sequence[Row]) -> np.ndarray:  # shape (seeds, memories)
     return np.array([list(row["reward_per_seed"].values()) for row in rows], dtype=np.float64).T
 
 

@@ -26,10 +26,6 @@ LEVEL = 0.95
 N_RESAMPLES_OVER_TASKS = 2_000
 """Bootstrap samples of what costs more than a mean: comparisons by pairs, profiles, tasks drawn anew."""
 
-Statistic = Callable[[np.ndarray], np.ndarray]
-"""Takes an array (..., runs, tasks), gives an array (...)."""
-
-
 Estimate = dict[str, Any]
 """A figure as `results.json` holds it: `mean`, `low` and `high`, these None when a single run leaves them unknown."""
 
@@ -67,7 +63,7 @@ def estimate(
     values: np.ndarray,
     *,
     rng: np.random.Generator,
-    statistic: Statistic = mean,
+    statistic: Callable[[np.ndarray], np.ndarray] = mean,
     n_resamples: int = N_RESAMPLES,
 ) -> Estimate:
     """Return a figure and its stratified bootstrap interval.
@@ -75,7 +71,7 @@ def estimate(
     Args:
         values: Shape (runs, tasks), or (runs,) for one task; finite.
         rng: Draws the bootstrap samples; the same generator state gives the same interval.
-        statistic: What to estimate, as `mean` or `iqm`.
+        statistic: What to estimate, as `mean` or `iqm`: takes an array (..., runs, tasks), gives an array (...).
         n_resamples: Bootstrap samples.
 
     Raises:
