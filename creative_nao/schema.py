@@ -1,11 +1,7 @@
 """One schema for every record in a file: strict pydantic dataclasses, and one line of error that names the field.
 
-    from creative_nao.schema import Count, Field, Name, Version1, parse, record
-
     @record
     class Walk:
-        \"\"\"A walk.\"\"\"
-
         format_version: Version1
         name: Name
         n_steps: Annotated[int, Field(ge=1, le=4000)] = 10

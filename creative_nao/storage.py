@@ -169,12 +169,7 @@ def read_bytes(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> bytes:
 
 
 def read_text(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> str:
-    """Return UTF-8 text, with or without a byte order mark, of a file of at most `largest` bytes.
-
-    Raises:
-        NotFoundError: If there is no such file.
-        FileFormatError: If it is larger, cannot be read, or is not UTF-8.
-    """
+    """Return UTF-8 text, with or without a byte order mark, of a file; errors as of `read_bytes` and `as_text`."""
     return as_text(read_bytes(path, what, largest), f"{path}", what)
 
 

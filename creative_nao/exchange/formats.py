@@ -138,23 +138,18 @@ FORMATS: dict[str, Format] = {
 
 @dataclass(frozen=True)
 class Exported:
-    """What came of an export.
-
-    Attributes:
-        path: The file.
-        format: Its format.
-        motion: The movement as it was written.
-        changes: What was clipped, slowed down or kept although unsafe; empty for a safe movement.
-        notes: What else to know, one sentence each.
-        record: The file of the metadata beside it, for formats that cannot hold any.
-    """
+    """What came of an export."""
 
     path: Path
     format: str
     motion: Motion
+    """The movement as it was written."""
     changes: tuple[str, ...]
+    """What was clipped, slowed down or kept although unsafe; empty for a safe movement."""
     notes: tuple[str, ...]
+    """What else to know, one sentence each."""
     record: Path | None = None
+    """The file of the metadata beside it, for formats that cannot hold any."""
 
 
 def format_for(path: str | os.PathLike[str]) -> str:

@@ -27,11 +27,7 @@ _LARGEST_S = 100 * 60
 
 
 def write_motion(motion: Motion, path: Path) -> list[str]:
-    """Write a `.motion` file; the first posture is at time 0, as the simulator expects.
-
-    Raises:
-        SettingsError: If two postures fall into one millisecond, or the movement lasts 100 minutes.
-    """
+    """Write a `.motion` file with ticks of 1 ms or more, shorter than 100 minutes; its first posture is at time 0."""
     if motion.dt_s < 0.001 or motion.duration_s >= _LARGEST_S:
         raise SettingsError(
             f"a Webots motion has ticks of 1 ms or more and lasts less than 100 minutes, but this one has ticks of "

@@ -57,12 +57,7 @@ def pictures(
     shadows: bool = False,
     smooth: int = 1,
 ) -> list[np.ndarray]:
-    """Draw snapshots, each as uint8 of shape (height, width, 3).
-
-    Raises:
-        MissingDependencyError: If this machine cannot draw; the message names the packages.
-        NotFoundError: If there is no such camera.
-    """
+    """Draw snapshots, each as uint8 of shape (height, width, 3); errors are those of `Renderer`."""
     with Renderer(scene.model, width, height, shadows=shadows, smooth=smooth) as renderer:
         return [renderer.frame(qpos, camera) for qpos in frames]
 

@@ -95,11 +95,7 @@ class Performer:
     Between ticks the targets follow a monotone cubic; they are clipped to the joint ranges and move no faster than the
     joints' no-load speed.
 
-    Not safe to share between threads; make one performer a thread, they may share a scene.
-
-    Args:
-        scene: Where to perform; a new scene if None.
-        settings: How a performance starts.
+    Not safe to share between threads; make one performer a thread, they may share a scene; None is a new one.
 
     Attributes:
         data: The `mujoco.MjData` after the last performance, or in the settled guard.

@@ -105,13 +105,11 @@ def _missing(backend: str) -> str:
     """Return what a back end obviously lacks, in words that its own failure would not find."""
     if not sys.platform.startswith("linux"):
         return ""
-    if backend == "glfw" and not _has_display():
-        return "no display; xvfb-run gives a virtual one"
-    if backend == "osmesa" and not _has_osmesa():
-        return "libOSMesa is missing"
-    if backend == "egl" and not _loads("libEGL.so.1"):
-        return "libEGL is missing"
-    return ""
+    if backend == "glfw":
+        return "" if _has_display() else "no display; xvfb-run gives a virtual one"
+    if backend == "osmesa":
+        return "" if _has_osmesa() else "libOSMesa is missing"
+    return "" if backend != "egl" or _loads("libEGL.so.1") else "libEGL is missing"
 
 
 def _has_display() -> bool:

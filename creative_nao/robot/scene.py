@@ -209,11 +209,9 @@ class Stiffness:
 
 
 class Scene:
-    """The ring with the robot on its own feet before the bag.
+    """The ring with the robot on its own feet before the bag, which teaching goes without.
 
-    Args:
-        with_bag: Whether the bag hangs there; teaching goes without.
-        servos: Gains of the servos; None for those of `nao.xml`, which are `ServoSettings()`.
+    `servos` are the gains of its servos; None for those of `nao.xml`, which are `ServoSettings()`.
 
     Attributes:
         spec: The `mujoco.MjSpec` that `model` is compiled from. Add to it before `model` is first used, for instance

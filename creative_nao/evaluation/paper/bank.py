@@ -123,12 +123,8 @@ def train_bank(
 ) -> tuple[list[Entry], dict[str, str]]:
     """Train the networks of a run folder, or continue those begun there.
 
-    Args:
-        folder: Run folder; memories and checkpoints go to its subfolder `memories`.
-        settings: How many and how long.
-        n_workers: Networks at a time; default: the number of cores.
-        report: Called with a network's name, its epoch and its loss.
-        stop: When set, checkpoints are saved and KeyboardInterrupt is raised.
+    Memories and checkpoints go to the subfolder `memories`. Up to `n_workers` networks train at a time, by default the
+    number of cores. When `stop` is set, checkpoints are saved and KeyboardInterrupt is raised.
 
     Returns:
         The networks in order of condition and seed, and why others failed, by name.

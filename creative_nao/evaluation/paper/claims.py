@@ -155,11 +155,7 @@ def difference(values: Mapping[str, np.ndarray], above: str, below: str, rng: np
     outwards as in `evaluation.statistics`; and Welch's t interval. The bootstrap alone never leaves the range of the
     seeds: of three a side, it would call one of twenty pure chances certain.
 
-    Args:
-        values: Values of each condition, one per seed, shape (n,), at least one.
-        above: Condition from whose mean that of `below` is subtracted.
-        below: The other one.
-        rng: Draws the samples.
+    `values` has those of each condition, one per seed, shape (n,), at least one; `rng` draws the samples.
 
     Returns:
         `above`, `below`; `mean`: the difference; `low`, `high`: the ends of its 95 % interval, None with a single

@@ -14,7 +14,6 @@ import jinja2
 from markdown_it import MarkdownIt
 from markupsafe import Markup
 
-from creative_nao import storage
 from creative_nao.errors import FileFormatError, NotFoundError
 from creative_nao.evaluation.pages import DASH, data_uri, render
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES
@@ -28,7 +27,7 @@ from creative_nao.evaluation.paper.claims import (
     UNDECIDED,
 )
 from creative_nao.evaluation.results import naming
-from creative_nao.storage import as_json, read_text
+from creative_nao.storage import as_json, read_text, write_text
 
 PAGE = "reproduction.md"
 RESULTS_AT = "results/paper"
@@ -164,5 +163,5 @@ def write_page(folder: Path) -> Path:
     """Write `reproduction.md` and `report.html` of a run folder from its result files and pictures."""
     with naming(f"results in {folder}"):
         page = make_page(read_content(folder))
-    storage.write_text(folder / "report.html", to_html(page, folder))
-    return storage.write_text(folder / PAGE, page)
+    write_text(folder / "report.html", to_html(page, folder))
+    return write_text(folder / PAGE, page)

@@ -197,8 +197,7 @@ def combination_figures(memory: Memory, memory_map: PBMap, rng: np.random.Genera
                 "kind": kind,
                 "distance": float(distances[row, column]),
             }
-    pairs = itertools.combinations(range(demos.n_actions), 2)
-    n_between = sum(_lies_between(memory, *pair) for pair in pairs)
+    n_between = sum(_lies_between(memory, *pair) for pair in itertools.combinations(range(demos.n_actions), 2))
     return {"combination_pct": share, "clearest_combination": clearest, "n_pairs_between": n_between}
 
 
