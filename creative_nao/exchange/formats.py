@@ -165,16 +165,13 @@ def format_for(path: str | os.PathLike[str]) -> str:
 def write(
     path: str | os.PathLike[str], motion: Motion, format: str | None = None, *, unsafe: Unsafe = "refuse"
 ) -> Exported:
-    """Check a movement and write it to a file, which is replaced in one step.
+    """Check a movement and write it to a file, replaced in one step; return what was written and changed for safety.
 
     Args:
         path: The file.
         motion: The movement.
         format: One of `FORMATS`; None: by the ending of the file.
         unsafe: What to do with a movement beyond the joints' ranges or speeds, as in `safety.made_safe`.
-
-    Returns:
-        What was written, and what was changed for safety.
 
     Raises:
         UnsafeMotionError: If the movement is unsafe and may not be changed.
@@ -199,11 +196,7 @@ def write(
 
 
 def recognise(path: str | os.PathLike[str], content: bytes) -> str:
-    """Return the format of a file by what it begins with and, where that leaves a doubt, by its ending.
-
-    Raises:
-        SettingsError: If neither tells.
-    """
+    """Return the format of a file by what it begins with, then by its ending; SettingsError if neither tells."""
     start = content[:4096].lstrip(b"\xef\xbb\xbf \t\r\n")
     if start.startswith(b"PK\x03\x04"):
         return "npz"

@@ -22,16 +22,13 @@ _PALETTE_SAMPLES = 4
 
 
 def imagined_frames(scene: Scene, trajectory: np.ndarray, dt_s: float, *, frame_dt_s: float = 0.05) -> np.ndarray:
-    """Return `qpos` snapshots of a trajectory without physics: the arms follow it exactly, nothing else moves.
+    """Return `qpos` snapshots, (n_frames, nq), of a trajectory without physics: only the arms move, exactly along it.
 
     Args:
         scene: Where the robot stands.
         trajectory: Joint angles [rad], shape (n_steps, 8), columns in the order of `joints.JOINTS`.
         dt_s: Time between rows [s].
         frame_dt_s: Wanted time between snapshots [s]; rounded so that ticks are among them.
-
-    Returns:
-        Shape (n_frames, nq).
     """
     trajectory = joint_angles(trajectory, "trajectory", JOINTS)
     dt_s, frame_dt_s = checked(Positive, dt_s, "dt_s"), checked(Positive, frame_dt_s, "frame_dt_s")

@@ -154,7 +154,8 @@ class Renderer:
     """Draws states of one model into arrays; use it as a context manager, or call `close`.
 
     Shadows and smooth edges cost most of the time and are off unless asked for. With MUJOCO_GL=disable, or where no
-    off-screen OpenGL can be started, frames are drawn in software; the latter is said once, in a RuntimeWarning.
+    off-screen OpenGL can be started, frames are drawn in software, which the attribute `software` tells; the latter is
+    said once, in a RuntimeWarning.
 
     Args:
         model: The compiled `mujoco.MjModel`, for instance `scene.model`.
@@ -163,9 +164,6 @@ class Renderer:
         shadows: Draw shadows; software has none.
         smooth: Draw everything this many times larger and average (1 leaves edges as they are).
         backend: `auto`, or insist on `gl` or `software`.
-
-    Attributes:
-        software: Whether frames are drawn in software.
 
     Raises:
         SettingsError: If a size is not positive or there is no such back end.
@@ -214,15 +212,12 @@ class Renderer:
             self._canvas = SoftwareCanvas(model, *size)
 
     def frame(self, qpos: np.ndarray, camera: str = "close") -> np.ndarray:
-        """Draw one state.
+        """Draw one state as uint8 of shape (height, width, 3).
 
         Args:
             qpos: Positions of everything, shape (nq,), for instance a row of `Performance.frames`.
             camera: A camera of the model: `close`, `ringside`, `side` and `left` in the ring, `nao/top_camera` in the
                 robot's head.
-
-        Returns:
-            uint8 of shape (height, width, 3).
 
         Raises:
             NotFoundError: If there is no such camera.

@@ -25,11 +25,7 @@ Report = Callable[[str, int, str], None]
 
 @record
 class PaperSettings:
-    """What is reproduced.
-
-    Raises:
-        SettingsError: If a count is too small; the message names the field.
-    """
+    """What is reproduced."""
 
     source: Literal["shipped", "retrain", "quick"] = "shipped"
     """`shipped`: the bank of the package; `retrain`: networks trained in the run folder; `quick`: few and short."""
@@ -46,11 +42,7 @@ class PaperSettings:
 
 
 def paper_settings(*, quick: bool = False, retrain: bool = False, seed: int = 0) -> PaperSettings:
-    """Return the settings that the command's flags ask for.
-
-    Raises:
-        SettingsError: If both `quick` and `retrain` are asked for.
-    """
+    """Return the settings that the command's flags ask for; SettingsError if they are both `quick` and `retrain`."""
     if quick and retrain:
         raise SettingsError("--quick trains its own few networks; leave out --retrain, or --quick")
     if quick:
@@ -125,9 +117,7 @@ def train_bank(
 
     Memories and checkpoints go to the subfolder `memories`. Up to `n_workers` networks train at a time, by default the
     number of cores. When `stop` is set, checkpoints are saved and KeyboardInterrupt is raised.
-
-    Returns:
-        The networks in order of condition and seed, and why others failed, by name.
+    Returned are the networks in order of condition and seed, and why others failed, by name.
 
     Raises:
         TrainingError: If every network of a condition failed.

@@ -119,14 +119,11 @@ def _thinned(memory: Memory) -> tuple[np.ndarray, np.ndarray]:
 
 
 def examples(networks: Sequence[Network], rng: np.random.Generator) -> tuple[Figure, str]:
-    """Draw movements that cannot be used and movements that are new.
+    """Draw movements that cannot be used and movements that are new; return also what is missing, in words.
 
     The rule: a fluctuating one and a non-moving one, each drawn at random from the first map that has any; the two
     most novel ones of the first map, by greedy search over the whole of it; the clearest combination of the first
     memory that has one. Of the networks, the one to be shown comes first.
-
-    Returns:
-        The figure, and what is missing from it, in words.
     """
     shown, missing = [], []
     for outcome in ("fluctuating", "non_moving"):
@@ -294,9 +291,7 @@ def draw_pictures(
     """Draw every figure into the subfolder `images` of a run folder with maps; `seed` draws the examples.
 
     `networks` has the figures of the networks of `bank`, in the same order; `rows` are those of `results.json`.
-
-    Returns:
-        What the captions say: the seed that is shown, the walk, what is missing from the examples.
+    Returned is what the captions say: the seed that is shown, the walk, what is missing from the examples.
     """
     every = [
         Network(entry, entry.load(), PBMap.load(map_path(folder, entry)), figures)

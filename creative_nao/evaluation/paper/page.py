@@ -83,9 +83,7 @@ FORMATS = {
 def read_content(folder: Path) -> dict[str, Any]:
     """Return the content of the result files in `folder` by their names without ending; None for a missing study.
 
-    Raises:
-        NotFoundError: If one is missing that has to be there.
-        FileFormatError: If one is no JSON.
+    NotFoundError tells of one that is missing and has to be there, FileFormatError of one that is no JSON.
     """
     content = {}
     for name in RESULT_FILES:

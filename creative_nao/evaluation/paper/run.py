@@ -50,15 +50,10 @@ def reproduce(
     command: str | None = None,
     watch: Watch = lambda _: contextlib.nullcontext(lambda *_: None),
 ) -> Reproduction:
-    """Reproduce the paper into a run folder.
+    """Reproduce the paper into a run folder, new or empty, or with `resume` one to be continued: nothing is done twice.
 
-    Args:
-        settings: Where the networks come from, and how finely their maps are scored.
-        folder: Run folder: new or empty, or with `resume` one to be continued.
-        n_workers: Networks at a time; default: the number of cores. Has no influence on results.
-        resume: Continue the folder: nothing is done twice.
-        command: How to type the run again; default: the running command.
-        watch: Shows progress.
+    `n_workers` networks at a time, by default the number of cores, have no influence on results. `command` is how to
+    type the run again, by default the running one; `watch` shows progress.
 
     Raises:
         SettingsError: If the folder holds something else.
