@@ -68,14 +68,8 @@ def cell_colours(
 ) -> np.ndarray:
     """Return the colour of every cell, shape (resolution, resolution, 3) in [0, 1], row 0 at the lowest PB 2.
 
-    Args:
-        pb_map: The map; for a physical colouring a physical one.
-        colour: A name of `NAMES`.
-        values: The number of each cell where the colouring is one, shape (n,).
-        span: Values at the ends of their scale; default: those of the cells that can be used.
-
-    Raises:
-        NotFoundError: If there is no such colouring; the message has the nearest one.
+    A physical colouring needs a physical map, a number its `values`, shape (n,); `span` are those at the ends of their
+    scale, by default of the cells that can be used. NotFoundError if there is no such colouring.
     """
     if colour not in NAMES:
         raise NotFoundError(f"no colouring `{colour}`{nearest_name(colour, NAMES)}; there are {', '.join(NAMES)}")
@@ -90,8 +84,7 @@ def cell_colours(
 
 
 PERIOD_PX = 8
-STRENGTH = 0.35
-"""How far the lines of a pattern are drawn towards white."""
+STRENGTH = 0.35  # how far the lines of a pattern are drawn towards white
 
 
 def _dots(up: np.ndarray, across: np.ndarray, radius_squared: float) -> np.ndarray:
@@ -134,17 +127,8 @@ def map_picture(
     """Draw what a view shows of a map, `SIZE` pixels along each side, PB 2 upwards.
 
     Regions of learned movements have dark borders and what cannot be used is hatched, so that nothing is shown by
-    colour alone.
-
-    Args:
-        pb_map: The map; cells beyond its edge repeat the last.
-        colour: What its colours tell, a name of `NAMES`.
-        view: Which square of the PB space; default: all that the map covers.
-        values: The number of each cell, where the colouring is one.
-        span: Values at the ends of its scale.
-
-    Raises:
-        NotFoundError: If there is no such colouring.
+    colour alone. The view is by default all that the map covers; cells beyond its edge repeat the last. Colours,
+    values, their span and errors are those of `cell_colours`.
     """
     rows, columns = (View.of(pb_map) if view is None else view).cells(pb_map)
     seen = np.ix_(rows, columns)

@@ -24,18 +24,14 @@ from creative_nao.schema import AfterValidator, Field, parse, record
 MAX_DRAFTS = 8
 MAX_KEYS = 24
 MAX_DURATION_S = 12.0
-MIN_GAP_S = 0.05
-"""Shortest time between two keys [s]."""
-MAX_TEXT = 60_000
-"""Characters of the largest set as text."""
+MIN_GAP_S = 0.05  # shortest time between two keys [s]
+MAX_TEXT = 60_000  # characters of the largest set as text
 _ROUNDING_RAD = 1e-9
 MIN_DURATION_S = 0.6
-MIN_EXCURSION_RAD = 0.1
-"""What the widest joint should travel at least [rad]."""
+MIN_EXCURSION_RAD = 0.1  # what the widest joint should travel at least [rad]
 START_TOLERANCE_RAD = 0.3
 """How far a demonstration may start from the mean start of all [rad]: a memory starts all its movements there."""
-PEAK_OF_MEAN = 1.875
-"""Largest speed of a minimum-jerk segment, as a multiple of its mean speed."""
+PEAK_OF_MEAN = 1.875  # largest speed of a minimum-jerk segment, as a multiple of its mean speed
 
 
 def _draft_name(name: str) -> str:
@@ -66,11 +62,9 @@ class Key:
 
 @record
 class Draft:
-    """One demonstration in the making.
+    """One demonstration in the making; its name will be that of a file.
 
-    Attributes:
-        name: A letter, then up to 23 letters, digits or underscores: it will name a file.
-        keys: 2 to `MAX_KEYS`, the first at 0 s, each at least `MIN_GAP_S` after the one before.
+    It has 2 to `MAX_KEYS` keys, the first at 0 s, each at least `MIN_GAP_S` after the one before.
     """
 
     name: Annotated[str, AfterValidator(_draft_name)]
@@ -232,12 +226,7 @@ class KeyframeSet:
 
     @classmethod
     def from_text(cls, text: str) -> KeyframeSet:
-        """Read a set back.
-
-        Raises:
-            FileFormatError: If it is none.
-            SettingsError: If it breaks a bound.
-        """
+        """Read a set back; FileFormatError if it is none, SettingsError if it breaks a bound."""
         if not isinstance(text, str) or len(text) > MAX_TEXT:
             raise FileFormatError(f"key postures are text of at most {MAX_TEXT} characters")
         rows = parse(Rows, text, "key postures")

@@ -31,18 +31,13 @@ def _address(
 
 
 class MapPane:
-    """One map in a tab.
+    """One map in a tab; the view None is the whole map, the finer cells are of this view or an earlier one."""
 
-    Attributes:
-        loaded: The memory.
-        view: What of the PB space is shown; None is the whole map.
-        finer: Finer cells, of this view or an earlier one.
-    """
+    view: View | None = None
+    finer: FinerMap | None = None
 
     def __init__(self, loaded: LoadedMemory) -> None:
         self.loaded = loaded
-        self.view: View | None = None
-        self.finer: FinerMap | None = None
 
     def build(self) -> None:
         """Lay it out; whoever does that also listens to `image`."""
@@ -129,16 +124,7 @@ def as_pixel(value: object) -> float:
 
 
 class MapState:
-    """What all maps of a tab have in common.
-
-    Args:
-        panes: The maps.
-        changed: Called whenever something that the page says about the maps has changed.
-
-    Attributes:
-        view: Window of the PB space; None is the whole map.
-        colour: What the colours tell.
-    """
+    """What all maps of a tab have in common; it calls `changed` when what the page says about them has changed."""
 
     def __init__(self, panes: list[MapPane], changed: Callable[[], None]) -> None:
         self._panes, self._changed = panes, changed

@@ -23,8 +23,7 @@ from creative_nao.maps.picture import MEASURE_COLOURS, NEAREST, map_image
 TEMPLATES = Path(__file__).with_name("templates")
 PANEL_W, PANEL_H = 150, 78
 LEFT, TOP = 20, 16
-ORDER = (4, 5, 6, 7, 0, 1, 2, 3)
-"""Left arm above the right, as columns of a trajectory."""
+ORDER = (4, 5, 6, 7, 0, 1, 2, 3)  # left arm above the right, as columns of a trajectory
 LOW_RAD, HIGH_RAD = -2.2, 2.2
 
 
@@ -83,12 +82,9 @@ def _points(pairs: Iterable[Sequence[float]]) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in pairs)
 
 
-HALF_RAD = 0.2
-"""Distance per posture at which half of the colour is left [rad]."""
-MAX_STOPS = 60
-"""Colours along one stretch, so that a long recording does not become a long page."""
-LETTER_PCT = 4.0
-"""Narrowest stretch that has room for its letter, in percent of the strip."""
+HALF_RAD = 0.2  # distance per posture at which half of the colour is left [rad]
+MAX_STOPS = 60  # colours along one stretch, so that a long recording does not become a long page
+LETTER_PCT = 4.0  # narrowest stretch that has room for its letter, in percent of the strip
 
 
 def strip_html(recall: Recall, service: MemoryService) -> str:
@@ -115,13 +111,9 @@ def strip_html(recall: Recall, service: MemoryService) -> str:
 
 
 def legend_html(pb_map: PBMap, colour: str, span: tuple[float, float] | None = None, lacking: bool = False) -> str:
-    """Return the legend of a colouring.
+    """Return the legend of a colouring, by the map of the whole PB space and the values at the ends of its scale.
 
-    Args:
-        pb_map: The map of the whole PB space.
-        colour: A name of `colours.NAMES`.
-        span: Values at the ends of the scale of a colouring that is a number.
-        lacking: Whether a physical colouring was asked for and there is no physical map.
+    It is `lacking` if a physical colouring was asked for and there is no physical map.
     """
     actions = [f"{action_letter(place)} {spoken(name)}" for place, name in enumerate(pb_map.names)]
     shares = {name: pb_map.share_pct(name) for name in ALL_WORDS}
@@ -165,12 +157,8 @@ def marks_svg(
 ) -> str:
     """Return the marks over a map as the inside of an SVG; those outside the view are left out.
 
-    Args:
-        view: What the map below shows.
-        learned_pb: Where the basic actions lie, shape (n_actions, 2).
-        points: Where the movement shown comes from, shape (n, 2); more than one are a path.
-        marks: More letters and their PB points.
-        agent_points: Points of others, such as an agent's choices, shape (n, 2).
+    Basic actions, the movement's points (more than one are a path) and those of agents have the shape (n, 2); `marks`
+    are more letters and their PB points.
     """
     letters = [(action_letter(place), pb) for place, pb in enumerate(learned_pb)] + list((marks or {}).items())
 

@@ -20,15 +20,11 @@ from creative_nao.model import Memory
 
 @dataclass(frozen=True, eq=False)
 class Recall:
-    """A movement that a memory made, and what it is worth.
+    """A movement [rad], shape (n_steps, 8), that a memory made, and what it is worth.
 
-    Attributes:
-        points: Where in the PB space it comes from, shape (n, 2); a path has more than one point.
-        trajectory: Joint angles [rad], shape (n_steps, 8).
-        outcome: `learned`, `unlearned`, `fluctuating` or `non_moving`.
-        nearest: Index of the basic action most like it.
-        novelty: DTW distance to that one [rad].
-        speeds: Speed of each joint between ticks [rad/s], shape (n_steps - 1, 8).
+    It comes from PB points of shape (n, 2), more than one a path. `nearest` is the index of the basic action most like
+    it, `novelty` the DTW distance to that one [rad]; the speeds of the joints between ticks [rad/s] have shape
+    (n_steps - 1, 8).
     """
 
     points: np.ndarray
@@ -52,11 +48,7 @@ class Recall:
 class MemoryService:
     """A memory behind a lock: worker threads of many browser tabs ask it one after the other.
 
-    Args:
-        memory: A memory with two PB units and the eight arm joints.
-
-    Raises:
-        SettingsError: If the memory has other joints or another number of PB units.
+    SettingsError if the memory has other than the eight arm joints or two PB units.
     """
 
     def __init__(self, memory: Memory) -> None:
@@ -81,11 +73,7 @@ class MemoryService:
     def recall(self, points: np.ndarray) -> Recall:
         """Generate the movement at a PB point or, with the PB moving from each to the next, along several.
 
-        Args:
-            points: Shape (n, 2) in [-1, 1].
-
-        Raises:
-            ShapeError: If `points` has another shape, is not finite or leaves [-1, 1].
+        ShapeError unless `points` has the shape (n, 2) and lies in [-1, 1].
         """
         points = np.asarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 2 or not len(points) or not (np.abs(points) <= 1).all():
@@ -96,10 +84,9 @@ class MemoryService:
             return self.evaluate(points, trajectory)
 
     def recognise(self, trajectory: np.ndarray) -> tuple[np.ndarray, float, Recall]:
-        """Find the point of the memory most like a recording [rad] at the memory's tick, shape (n_steps, 8).
+        """Find the PB point most like a recording [rad] at the memory's tick, shape (n_steps, 8).
 
-        Returns:
-            The PB point, the DTW distance left [rad], and the recording itself, scored.
+        Return the point, the DTW distance left [rad], and the recording itself, scored.
         """
         with self._lock:
             inferred = self.memory.infer_pb(trajectory)
@@ -114,17 +101,14 @@ class MemoryService:
         )  # fmt: skip
 
 
-NEAR = 0.12
-"""How far `more_like` steps, as standard deviation in each PB unit."""
-FAR_SHARE = 0.9
-"""`less_like` draws from the farthest tenth."""
+NEAR = 0.12  # how far `more_like` steps, as standard deviation in each PB unit
+FAR_SHARE = 0.9  # `less_like` draws from the farthest tenth
 
 
 def surprise(pb_map: PBMap, rng: np.random.Generator) -> np.ndarray:
     """Return a random point whose movement is appropriate and new, shape (2,).
 
-    Raises:
-        SettingsError: If the map has no such point; so do `more_like` and `less_like`.
+    SettingsError if the map has no such point; so do `more_like` and `less_like`.
     """
     return _draw(pb_map, pb_map.outcome == "unlearned", rng)
 

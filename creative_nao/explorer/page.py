@@ -24,14 +24,13 @@ from creative_nao.explorer.memory_service import (
     spoken,
     surprise,
 )
-from creative_nao.explorer.physics_service import player_controls
+from creative_nao.explorer.physics_service import STATIC, player_controls
 from creative_nao.explorer.registry import NONE
 from creative_nao.explorer.state import MAX_NOTE, Favourite
 from creative_nao.explorer.tab import STEP, Tab
 from creative_nao.explorer.view import ALL
 from creative_nao.joints import JOINTS
 
-STATIC = Path(__file__).with_name("static")
 POLL_S = 0.3
 
 
@@ -145,7 +144,8 @@ def player(tab: Tab) -> None:
 
     def show_ghosts() -> None:
         for panel in tab.memory_panels:
-            panel.ghost(bool(ghosts.value))
+            panel.ghost_shown = bool(ghosts.value)
+            panel.replay()
 
     with ui.row().classes("w-full items-center gap-2"):
         player_controls()
@@ -159,15 +159,9 @@ def movement_tools(tab: Tab) -> None:
     async def go() -> None:
         await tab.show(np.array([[as_coordinate(tab.pb_1.value), as_coordinate(tab.pb_2.value)]]))
 
-    async def show_surprise() -> None:
-        await tab.show(surprise(tab.first.pb_map, tab.rng)[None])
-
     async def more() -> None:
         kept = [favourite.points[-1] for favourite in tab.app_state.session.favourites(tab.first.key)[-3:]]
         await tab.show(more_like(tab.first.pb_map, np.array([tuple(tab.points[-1]), *kept]), tab.rng)[None])
-
-    async def less() -> None:
-        await tab.show(less_like(tab.first.pb_map, tab.points[-1:], tab.rng)[None])
 
     async def walk() -> None:
         await tab.show(tab.first.service.memory.pb[[int(start.value or 0), int(end.value or 0)]])
@@ -181,8 +175,11 @@ def movement_tools(tab: Tab) -> None:
         ui.button("Go", on_click=go).props("dense no-caps")
     with ui.row().classes("items-center gap-2"):
         for text, action in (
-            ("Surprise me", show_surprise), ("More like this", more), ("Less like this", less), ("Back", tab.back),
-        ):  # fmt: skip
+            ("Surprise me", lambda: tab.show(surprise(tab.first.pb_map, tab.rng)[None])),
+            ("More like this", more),
+            ("Less like this", lambda: tab.show(less_like(tab.first.pb_map, tab.points[-1:], tab.rng)[None])),
+            ("Back", tab.back),
+        ):
             ui.button(text, on_click=action).props("dense no-caps outline")
     names = {place: spoken(name) for place, name in enumerate(tab.first.service.names)}
     with ui.row().classes("items-center gap-2"):
@@ -198,9 +195,7 @@ MAX_TICKS = 2000
 def read_upload(name: str, content: bytes, dt_s: float) -> Recording:
     """Read an uploaded movement at a tick [s]; of its name only a known ending counts, and no file is made.
 
-    Raises:
-        FileFormatError: If it is too large or too long, or holds no movement.
-        SettingsError: If its format is not recognised.
+    FileFormatError if it is too large or long, or holds no movement, SettingsError if its format is not recognised.
     """
     if len(content) > MAX_UPLOAD_BYTES:
         raise FileFormatError(f"a recording may have {MAX_UPLOAD_BYTES} bytes, this one has {len(content)}")
@@ -254,7 +249,21 @@ def exchange(tab: Tab) -> None:
         if (here := weakly()) is None:
             return
         try:
-            await _recognise(here, event.file.name, await event.file.read())
+            content, dt_s = await event.file.read(), here.first.service.memory.dt_s
+            recording = await run.io_bound(read_upload, event.file.name, content, dt_s)
+            if recording is None:
+                return
+            status = here.memory_panels[0].status
+            status.text = "Recognising the recording ..."
+            recognised = await run.io_bound(here.first.service.recognise, recording.motion.angles)
+            if recognised is None:
+                return
+            point, distance, recall = recognised
+            here.marks["R"] = tuple(point)
+            here.points = point[None]
+            here.redraw()
+            await here.present(recall)
+            status.text = f"Recording, recognised at R with DTW {distance:.2f} rad left. {status.text}"
         except CreativeNaoError as error:
             here.memory_panels[0].status.text = f"Not a movement: {error}"
         finally:
@@ -270,23 +279,6 @@ def exchange(tab: Tab) -> None:
         )  # fmt: skip
         upload.on("rejected", lambda: ui.notify(f"A recording may have {MAX_UPLOAD_BYTES} bytes."))
         upload.props('flat bordered aria-label="Drop a recorded movement"').classes("w-60 cn-upload")
-
-
-async def _recognise(tab: Tab, name: str, content: bytes) -> None:
-    recording = await run.io_bound(read_upload, name, content, tab.first.service.memory.dt_s)
-    if recording is None:
-        return
-    status = tab.memory_panels[0].status
-    status.text = "Recognising the recording ..."
-    recognised = await run.io_bound(tab.first.service.recognise, recording.motion.angles)
-    if recognised is None:
-        return
-    point, distance, recall = recognised
-    tab.marks["R"] = tuple(point)
-    tab.points = point[None]
-    tab.redraw()
-    await tab.present(recall)
-    status.text = f"Recording, recognised at R with DTW {distance:.2f} rad left. {status.text}"
 
 
 def favourites(tab: Tab) -> None:

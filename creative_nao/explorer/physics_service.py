@@ -32,11 +32,9 @@ SHAPES = {
 class BrowserRobot:
     """The robot in its ring, standing in the guard before the bag.
 
-    Attributes:
-        scene: The scene it was read from.
-        description: All that the browser needs to build it, JSON values: `bodies`, parents first, with name, parent,
-            pose in the parent at zero arm angles and shapes; and `hinges`: for each of `joints.JOINTS`, the body that
-            it turns and its axis in that body.
+    Its `description` is all that the browser needs to build it, JSON values: `bodies`, parents first, with name,
+    parent, pose in the parent at zero arm angles and shapes; and `hinges`: for each of `joints.JOINTS`, the body that
+    it turns and its axis in that body.
     """
 
     def __init__(self) -> None:
@@ -67,8 +65,7 @@ class BrowserRobot:
     def clip(self, performance: Performance) -> dict[str, Any]:
         """Return a physical performance with frames as poses in the parents of every body that moves.
 
-        Returns:
-            `dt` [s] between frames, `n` frames, and `tracks`: body, flat positions [m], flat quaternions (x, y, z, w).
+        `dt` [s] between frames, `n` frames, and `tracks`: body, flat positions [m], flat quaternions (x, y, z, w).
         """
         assert performance.frames is not None
         model = self.scene.model
@@ -78,8 +75,7 @@ class BrowserRobot:
             data.qpos[:] = qpos
             mujoco.mj_kinematics(model, data)
             poses.append(_in_parent(model, data))
-        places = np.array([pose[0] for pose in poses])
-        turns = np.array([pose[1] for pose in poses])
+        places, turns = (np.array(part) for part in zip(*poses, strict=True))
         agree = np.where((turns[1:] * turns[:-1]).sum(-1, keepdims=True) < 0, -1.0, 1.0)
         turns[1:] *= agree.cumprod(axis=0)  # a quaternion and its negative are one pose; blending needs neighbours
         moving = np.ptp(places, axis=0).max(-1) + np.ptp(turns, axis=0).max(-1) > 1e-5

@@ -22,8 +22,7 @@ from creative_nao.maps import PAPER_RESOLUTION, PBMap, colour_values
 from creative_nao.measures import OUTCOMES, score, unexpectedness
 from creative_nao.model import Memory, load_memory, shipped_memories
 
-CACHE_VARIABLE = "CREATIVE_NAO_CACHE"
-"""Environment variable that names another cache folder."""
+CACHE_VARIABLE = "CREATIVE_NAO_CACHE"  # environment variable that names another cache folder
 
 
 def content_hash(memory: Memory) -> str:
@@ -50,9 +49,7 @@ def cached_map(memory: Memory, resolution: int = PAPER_RESOLUTION) -> PBMap:
     """Return the scored map of a memory, from the cache or computed now and kept.
 
     A torn file counts as none. A cache that cannot be written is no error: the map is then computed each time.
-
-    Raises:
-        SettingsError: If the memory does not have two PB units or `resolution` is below 2.
+    SettingsError if the memory does not have two PB units or `resolution` is below 2.
     """
     path = cache_path(memory, resolution)
     with contextlib.suppress(FileFormatError, NotFoundError):
@@ -64,16 +61,10 @@ def cached_map(memory: Memory, resolution: int = PAPER_RESOLUTION) -> PBMap:
 
 
 class Computation:
-    """A computation in a thread that can be watched and cancelled.
+    """A computation in a thread: its share done, 0 to 1; once cancelled it ends at its next step, with None."""
 
-    Attributes:
-        share: How much of it is done, 0 to 1.
-        cancelled: Lets it end at its next step; its result is then None.
-    """
-
-    def __init__(self) -> None:
-        self.share = 0.0
-        self.cancelled = False
+    share = 0.0
+    cancelled = False
 
     def rows(self, n: int, end: float) -> Iterator[slice]:
         """Give the rows of n things block by block until all are done or it is cancelled; `end` is the share then."""
@@ -84,19 +75,14 @@ class Computation:
             self.share = end * min(start + BLOCK, n) / n
 
 
-BLOCK = 512
-"""Movements generated at a time: few enough that a click in between is answered at once."""
+BLOCK = 512  # movements generated at a time: few enough that a click in between is answered at once
 
 
 def measured(memory: Memory, pb_map: PBMap, colour: str, whole: PBMap, work: Computation) -> np.ndarray | None:
     """Return the number of each cell, shape (n,), as `maps.colour_values` defines it; None if cancelled.
 
-    Args:
-        memory: Generates the movements again where the map does not hold them.
-        pb_map: The cells.
-        colour: A name of `maps.COLOURINGS`.
-        whole: The map of the whole PB space: what an unexpected movement is compared with.
-        work: To watch and cancel it.
+    The memory generates the movements again where the map does not hold them. An unexpected movement is compared with
+    the map of the `whole` PB space.
     """
     if colour == "unexpectedness":
         usable = whole.distance[whole.appropriate]
@@ -127,15 +113,9 @@ class FinerMap:
 
 
 def finer_map(memory: Memory, whole: PBMap, view: View, n: int, colour: str, work: Computation) -> FinerMap | None:
-    """Generate and score `n` x `n` cells of a window; None if cancelled.
+    """Generate and score `n` x `n` cells of a window within [-1, 1], `whole` being the memory's map; None if cancelled.
 
-    Args:
-        memory: The memory.
-        whole: Its map of the whole PB space.
-        view: The window, within [-1, 1].
-        n: Cells along each side.
-        colour: What the colours tell: its number is worked out from the same movements.
-        work: To watch and cancel it.
+    The number of `colour` is worked out from the same movements.
     """
     pb = view.grid(n)
     kept = np.empty((n * n, memory.n_steps, len(memory.joints))) if needs_movements(colour) else None
@@ -166,10 +146,8 @@ def finer_map(memory: Memory, whole: PBMap, view: View, n: int, colour: str, wor
 def load_physical(files: Iterable[Path], memories: Iterable[Memory]) -> dict[str, PhysicalMap]:
     """Return the physical maps of memories by their `fingerprint`; of several of one memory the last.
 
-    Raises:
-        SettingsError: If a file belongs to none of the memories.
-        NotFoundError: If there is no such file.
-        FileFormatError: If it is torn, foreign or unfinished.
+    SettingsError if a file belongs to none of the memories, NotFoundError if there is no such file, FileFormatError if
+    it is torn, foreign or unfinished.
     """
     shown = {fingerprint(memory): memory.name for memory in memories}
     physical = {}
@@ -194,13 +172,8 @@ COARSE = 40
 class LoadedMemory:
     """One memory with what was computed of it, shared by all tabs that show it.
 
-    Attributes:
-        name: What the page calls it: a shipped name, or the path it was given by.
-        key: Its content hash.
-        service: Asked for movements.
-        pb_map: The best map of its whole PB space so far.
-        finished: Set when that is the fine one.
-        physical: Its physical map, or None.
+    Its `key` is its content hash, `pb_map` the best map of its whole PB space so far; `finished` is set when that is
+    the fine one.
     """
 
     def __init__(self, memory: Memory, resolution: int = PAPER_RESOLUTION, physical: PhysicalMap | None = None) -> None:
@@ -245,22 +218,14 @@ def _without_movements(pb_map: PBMap) -> PBMap:
     return dataclasses.replace(pb_map, trajectories=None, dt_s=None)
 
 
-NONE = "none"
-"""What an address says when there shall be no second memory."""
+NONE = "none"  # what an address says when there shall be no second memory
 
 
 class MemoryRegistry:
     """Memories by name, each loaded when it is first asked for and then shared by all tabs.
 
-    Args:
-        memories: Those the page was started with: the one it shows, and perhaps one beside it.
-        resolution: Points along each axis of their maps.
-        physical: Physical maps, as `load_physical` returns them.
-
-    Attributes:
-        first: The memory that the page is about.
-        beside: Name of the one shown beside it from the start, or empty.
-        names: All that may be asked for.
+    `memories` are those the page was started with: the `first`, that it is about, and perhaps one `beside` it (its
+    name, or empty). `names` are all that may be asked for; `physical` is what `load_physical` returns.
     """
 
     def __init__(
@@ -280,8 +245,7 @@ class MemoryRegistry:
     def get(self, name: str) -> LoadedMemory:
         """Return a memory, loaded now if it was not asked for before; its fine map is then computed beside.
 
-        Raises:
-            NotFoundError: If it is none of `names`; an address never names a file of its own choice.
+        NotFoundError if it is none of `names`; an address never names a file of its own choice.
         """
         if name not in self.names:
             raise NotFoundError(f"no memory `{name:.60}` here{nearest_name(name, self.names)}")

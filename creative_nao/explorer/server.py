@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from collections.abc import Iterable
 from contextlib import AsyncExitStack
-from typing import Any
 from urllib.parse import urlsplit
 
 from nicegui import app, run, ui
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from creative_nao.errors import SettingsError
 from creative_nao.explorer.page import build_page
@@ -19,8 +19,7 @@ from creative_nao.explorer.tab import AppState, Tab
 from creative_nao.explorer.teach_page import TeachTab
 from creative_nao.explorer.teach_training import TrainingSessions
 
-AT_ONCE = 2
-"""One page that waits for a second memory to be loaded shall not keep all others waiting."""
+AT_ONCE = 2  # one page that waits for a second memory to be loaded shall not keep all others waiting
 
 
 class ConcurrencyLimit:
@@ -29,17 +28,13 @@ class ConcurrencyLimit:
     Building a page takes 0.1 s in which nothing else is answered. Pages let in together finish together, the first as
     late as the last, and may outlive the minute that a page is kept for its socket. A page's turn ends when its answer
     begins, so a reader who takes the answer slowly keeps nobody waiting.
-
-    Args:
-        app: The application behind.
-        paths: Where the pages are.
     """
 
-    def __init__(self, app: Any, paths: tuple[str, ...]) -> None:
+    def __init__(self, app: ASGIApp, paths: tuple[str, ...]) -> None:
         self._app, self._paths = app, paths
         self._places = asyncio.Semaphore(AT_ONCE)
 
-    async def __call__(self, scope: Scope, receive: Any, send: Any) -> None:
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Hand a request on, a page's when its turn has come."""
         if scope["type"] != "http" or scope["path"] not in self._paths:
             await self._app(scope, receive, send)
@@ -47,15 +42,12 @@ class ConcurrencyLimit:
         async with AsyncExitStack() as turn:
             await turn.enter_async_context(self._places)
 
-            async def answering(message: Any) -> None:
+            async def answering(message: Message) -> None:
                 await turn.aclose()  # at the first message; later there is nothing left to close
                 await send(message)
 
             await self._app(scope, receive, answering)
 
-
-Scope = MutableMapping[str, Any]
-Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
 
@@ -78,10 +70,10 @@ def is_welcome(headers: Iterable[tuple[bytes, bytes]]) -> bool:
 class LocalOnly:
     """ASGI middleware: 403 for what `is_welcome` refuses, for pages and sockets alike."""
 
-    def __init__(self, app: Any) -> None:
+    def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
-    async def __call__(self, scope: Scope, receive: Any, send: Send) -> None:
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer, or hand on."""
         if scope["type"] not in ("http", "websocket") or is_welcome(scope["headers"]):
             await self._app(scope, receive, send)
@@ -92,8 +84,7 @@ class LocalOnly:
             await send({"type": "http.response.body", "body": b"This page answers only to its own host."})
 
 
-MAX_TABS = 200
-"""More are refused: each holds a page's worth of state."""
+MAX_TABS = 200  # more are refused: each holds a page's worth of state
 
 
 class Tabs:
@@ -127,8 +118,7 @@ RECONNECT_S = 30.0
 
 PAGES = ("/", "/teach")
 
-ANSWER_S = 60.0
-"""How long a page may take to be built: a second memory has to be loaded and its coarse map made."""
+ANSWER_S = 60.0  # how long a page may take to be built: a second memory has to be loaded and its coarse map made
 
 
 def mount(started: AppState) -> Tabs:
@@ -165,11 +155,7 @@ def mount(started: AppState) -> Tabs:
 
 
 def claim_port(host: str, port: int) -> None:
-    """Make sure that the port is free.
-
-    Raises:
-        SettingsError: If it is not, or may not be used.
-    """
+    """Make sure that the port is free; SettingsError if it is not, or may not be used."""
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         with socket.socket(family, socket.SOCK_STREAM) as probe:

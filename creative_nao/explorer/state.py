@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
-from urllib.parse import quote
+from urllib.parse import quote, urlencode
 
 import numpy as np
 
@@ -25,14 +25,10 @@ from creative_nao.storage import read_text
 
 @dataclass(frozen=True, eq=False)
 class PageAddress:
-    """Where a tab is.
+    """Where a tab is: the movement's points, shape (n, 2), more than one a path, and what is shown in which colours.
 
-    Attributes:
-        points: Where the movement shown comes from, shape (n, 2); more than one are a path.
-        beside: Name of the second memory, or empty.
-        view: Window of the map; None is the whole map.
-        colour: What the colours of the map tell, a name of `colours.NAMES`.
-        taught: Name of the trainer whose memory is the first one, or empty.
+    `beside` names the second memory and `taught` the trainer of the first, or is empty; the `view` None is the whole
+    map.
     """
 
     points: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
@@ -43,19 +39,13 @@ class PageAddress:
 
     def address(self) -> str:
         """Return the page's address that shows the same again."""
-        if len(self.points) == 1:
-            parts = [f"x={self.points[0, 0]:.6g}", f"y={self.points[0, 1]:.6g}"]
-        else:
-            parts = ["path=" + "_".join(f"{x:.6g},{y:.6g}" for x, y in self.points)]
-        if self.beside:
-            parts.append(f"beside={quote(self.beside)}")
+        path = [f"{x:.6g},{y:.6g}" for x, y in self.points]
+        asked = {"path": "_".join(path)} if len(path) > 1 else dict(zip("xy", path[0].split(","), strict=True))
+        asked["beside"] = self.beside
         if self.view is not None:
-            parts.append(f"view={self.view.left:.7g},{self.view.bottom:.7g},{self.view.width:.7g}")
-        if self.colour != NEAREST:
-            parts.append(f"colour={self.colour}")
-        if self.taught:
-            parts.append(f"taught={quote(self.taught)}")
-        return "/?" + "&".join(parts)
+            asked["view"] = f"{self.view.left:.7g},{self.view.bottom:.7g},{self.view.width:.7g}"
+        asked |= {"colour": self.colour if self.colour != NEAREST else "", "taught": self.taught}
+        return "/?" + urlencode({key: value for key, value in asked.items() if value}, safe="/,", quote_via=quote)
 
 
 def page_address(
@@ -108,15 +98,10 @@ def default_path() -> Path:
 
 
 class Session:
-    """The favourites of all memories in one file; every change is written at once.
+    """The favourites of all memories in one file, which need not exist; every change is written at once.
 
-    Several explorers may share the file: a change begins from what stands there then.
-
-    Args:
-        path: The file; it need not exist.
-
-    Raises:
-        FileFormatError: If it exists and is no session of ours.
+    Several explorers may share the file: a change begins from what stands there then. FileFormatError if it exists and
+    is no session of ours.
     """
 
     def __init__(self, path: Path) -> None:
@@ -131,9 +116,7 @@ class Session:
     def add(self, favourite: Favourite) -> None:
         """Keep one more; the oldest gives way when there are too many.
 
-        Raises:
-            OSError: If the file cannot be written; the favourites then are as they were.
-            FileFormatError: If the file has become no session of ours.
+        OSError if the file cannot be written; the favourites then are as they were.
         """
         self._change(lambda kept: [*kept, favourite][-MAX_FAVOURITES:])
 

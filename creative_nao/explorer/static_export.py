@@ -20,7 +20,7 @@ from creative_nao.evaluation.pages import render
 from creative_nao.explorer import colours
 from creative_nao.explorer.markup import ORDER, TEMPLATES, legend_html
 from creative_nao.explorer.memory_service import MemoryService, spoken
-from creative_nao.explorer.physics_service import BrowserRobot
+from creative_nao.explorer.physics_service import STATIC, BrowserRobot
 from creative_nao.explorer.registry import Computation, cached_map, measured
 from creative_nao.explorer.view import SIZE, View
 from creative_nao.joints import LIMITS_RAD
@@ -35,19 +35,13 @@ LEVELS = 256 - len(UNUSABLE)
 
 
 def colour_sheets(memory: Memory, pb_map: PBMap, physical: PhysicalMap | None = None) -> dict[str, Any]:
-    """Return the colourings of a map; JSON values.
+    """Return the colourings of a map of the whole PB space and, if there is one, of a physical map; JSON values.
 
-    Args:
-        memory: Makes the movements again where the map does not hold them: about a second of a core for a fine map.
-        pb_map: The map of the whole PB space.
-        physical: What the robot's body makes of every movement, if that was worked out.
-
-    Returns:
-        `levels`: the steps of a scale. `textures`: pictures of hatching and borders as data addresses, to lie over the
-        cells, one a map. `sheets`: for each colouring its `name` and `text`, which of the `textures` belongs to it, `n`
-        cells along a panel, `plane` (a byte a cell, row 0 at the lowest PB 2, each but the first of a row less the one
-        before it, deflated), `palette` (red, green and blue of each byte), `legend` (HTML), and for a number `label`,
-        `low` and `high`.
+    `levels`: the steps of a scale. `textures`: pictures of hatching and borders as data addresses, to lie over the
+    cells, one a map. `sheets`: for each colouring its `name` and `text`, which of the `textures` belongs to it, `n`
+    cells along a panel, `plane` (a byte a cell, row 0 at the lowest PB 2, each but the first of a row less the one
+    before it, deflated), `palette` (red, green and blue of each byte), `legend` (HTML), and for a number `label`,
+    `low` and `high`.
     """
     if pb_map.trajectories is None:
         pb_map = dataclasses.replace(pb_map, trajectories=memory.generate(pb_map.pb), dt_s=memory.dt_s)
@@ -118,23 +112,13 @@ def _text(content: bytes) -> str:
     return b64encode(content).decode()
 
 
-STATIC = Path(__file__).with_name("static")
-
-
 def write_page(
     memory: Memory, target: Path, resolution: int = PAPER_RESOLUTION, physical: PhysicalMap | None = None
 ) -> Path:
-    """Write the page and return its path; it opens by double click and asks nothing of a network.
+    """Write the page to an HTML file, replaced in one step; it opens by double click and asks nothing of a network.
 
-    Args:
-        memory: A memory with two PB units and the eight arm joints.
-        target: HTML file, replaced in one step.
-        resolution: Points along each axis of the map.
-        physical: A physical map of the memory, whose colourings the page then has as well.
-
-    Raises:
-        SettingsError: If the memory has other joints or another number of PB units.
-        MissingDependencyError: If the 3-D library of the extra `explore` is not there.
+    With a physical map the page has its colourings as well. SettingsError if the memory has other than the eight arm
+    joints or two PB units, MissingDependencyError if the 3-D library of the extra `explore` is not there.
     """
     service = MemoryService(memory)
     data = {

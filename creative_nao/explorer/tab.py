@@ -20,11 +20,9 @@ from creative_nao.explorer.registry import NONE, LoadedMemory, MemoryRegistry
 from creative_nao.explorer.state import MAX_NOTE, MAX_POINTS, Favourite, PageAddress, Session
 from creative_nao.explorer.view import View
 
-STEP = 2.0
-"""How much nearer a key or a button brings."""
+STEP = 2.0  # how much nearer a key or a button brings
 _ARROWS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, 1), "ArrowDown": (0, -1)}
-MAX_FACTOR = 16
-"""How far one turn of a wheel may zoom."""
+MAX_FACTOR = 16  # how far one turn of a wheel may zoom
 _ZOOMS = {"+": STEP, "=": STEP, "-": 1 / STEP}
 _KEYS = "['ArrowLeft','ArrowRight','ArrowUp','ArrowDown','0','1','2','3','4','5','6','r','s','u','+','=','-']"
 _TOUCHED = "(e) => { if (!window.mapPinch && ((e.buttons & 1) || e.mouse_event_type === 'pointerup')) emit(e) }"
@@ -39,10 +37,8 @@ class AppState:
     registry: MemoryRegistry
     physics_service: PhysicsService
     session: Session
-    agent_points: np.ndarray | None = None
-    """Points of a run folder's agents, shape (n, 2)."""
-    taught: str = ""
-    """Name of the trainer that the memory is of, if it was taught in the page."""
+    agent_points: np.ndarray | None = None  # of a run folder's agents, shape (n, 2)
+    taught: str = ""  # name of the trainer that the memory is of, if it was taught in the page
 
 
 class MemoryPanel:
@@ -53,7 +49,7 @@ class MemoryPanel:
         self.map = MapPane(loaded)
         self.recall: Recall | None = None
         self._movement: tuple[dict[str, Any], dict[str, Any] | None] | None = None
-        self._ghost_shown = True
+        self.ghost_shown = True  # whether the nearest basic action is seen
 
     def build_robot(self, physics_service: PhysicsService) -> None:
         """Lay the robot out."""
@@ -88,42 +84,27 @@ class MemoryPanel:
             self.replay()
             self.status.text = f"{self.status.text}; {performed[1]}"
 
-    def ghost(self, seen: bool) -> None:
-        """Show or hide the nearest basic action."""
-        self._ghost_shown = seen
-        self.replay()
-
     def replay(self) -> None:
         """Let the browser play the movement again."""
         if self._movement is not None:
             movement, ghost = self._movement
-            self.robot.perform(movement, ghost if self._ghost_shown else None)
+            self.robot.perform(movement, ghost if self.ghost_shown else None)
 
 
 class Tab:
-    """One browser tab. Its attributes are its user's state.
+    """One browser tab. Its attributes are its user's state; a memory `beside` follows every step of the first."""
 
-    Args:
-        app_state: What it shares with all tabs.
-        place: Where it is.
-        beside: A second memory that follows every step beside the first.
-        closed: Called when the tab goes.
-    """
-
-    mode: ui.toggle
-    """Whether a click goes to a point or draws a path."""
+    mode: ui.toggle  # whether a click goes to a point or draws a path
     pb_1: ui.number
     pb_2: ui.number
-    physics: ui.switch
-    """Whether the movement is performed in physics."""
+    physics: ui.switch  # whether the movement is performed in physics
 
     def __init__(
         self, app_state: AppState, place: PageAddress, beside: LoadedMemory | None, closed: Callable[[], object]
     ) -> None:
         self._closed = closed
         self.app_state = app_state
-        self.first = app_state.registry.first
-        """The memory that letters, surprises and favourites are of."""
+        self.first = app_state.registry.first  # the memory that letters, surprises and favourites are of
         self.client = ui.context.client
         self.beside = beside.name if beside is not None else NONE if app_state.registry.beside else ""
         self.rng = np.random.default_rng()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from nicegui import events, run, ui
@@ -23,13 +22,12 @@ from creative_nao.explorer.keyframe_editor import (
 )
 from creative_nao.explorer.markup import draft_svg
 from creative_nao.explorer.memory_service import spoken
-from creative_nao.explorer.physics_service import angles_message, player_controls, robot_scene
+from creative_nao.explorer.physics_service import STATIC, angles_message, player_controls, robot_scene
 from creative_nao.explorer.tab import AppState
 from creative_nao.explorer.teach_training import TrainingPanel, TrainingSessions
 from creative_nao.joints import JOINTS, limits
 from creative_nao.maps.figure_style import action_colour, action_letter
 
-STATIC = Path(__file__).with_name("static")
 MAX_UNDO = 50
 _ARMS = (("Left arm", (4, 5, 6, 7)), ("Right arm", (0, 1, 2, 3)))
 _PARTS = ("Shoulder pitch", "Shoulder roll", "Elbow yaw", "Elbow roll")
@@ -38,21 +36,12 @@ _GET_KEPT = f"sessionStorage.getItem('{_KEPT_AS}')"
 
 
 class TeachTab:
-    """One tab that teaches. The keyframes live here and in the browser's own store of the tab, nowhere else.
-
-    Args:
-        app_state: What this server shows; its robot is taught.
-        sessions: The trainers of this server.
-        taught: Name of a trainer to go on with, or empty.
-    """
+    """One tab that teaches. The keyframes live here and in the browser's own store of the tab, nowhere else."""
 
     def __init__(self, app_state: AppState, sessions: TrainingSessions, taught: str = "") -> None:
         self.physics_service = app_state.physics_service
         self.keyframes = boxing()
-        self.place = 0
-        """Which draft is shown."""
-        self.key = 0
-        """Which of its keys."""
+        self.place = self.key = 0  # which draft is shown, and which of its keys
         self.training = TrainingPanel(lambda: self.keyframes, app_state, sessions, taught)
         self._sliders: dict[int, ui.slider] = {}
         self._figures: dict[int, ui.label] = {}
@@ -195,8 +184,7 @@ class TeachTab:
         self.refresh()
 
     def _start(self, keyframes: KeyframeSet) -> None:
-        self.change(keyframes, 0, 0)
-        self.refresh()
+        self._try(lambda: self.change(keyframes, 0, 0))
 
     def _add(self) -> None:
         n = len(self.keyframes.drafts)
@@ -214,8 +202,7 @@ class TeachTab:
             ui.notify("One demonstration has to stay; start anew with the empty set.")
             return
         others = tuple(draft for draft in self.keyframes.drafts if draft is not self.draft)
-        self.change(KeyframeSet(others), max(self.place - 1, 0), 0)
-        self.refresh()
+        self._try(lambda: self.change(KeyframeSet(others), max(self.place - 1, 0), 0))
 
     def _rename(self, event: events.GenericEventArguments) -> None:
         name = str(event.args).strip().replace(" ", "_")

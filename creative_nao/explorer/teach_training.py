@@ -29,25 +29,16 @@ from creative_nao.model.encoding import encoding_of
 from creative_nao.model.training import TrainingState, memory_at, reproduction, train_network
 from creative_nao.runtime import usable_cores
 
-MAX_EPOCHS = 300_000
-"""Where a training ends, however often it goes on."""
-MIN_INTERVAL_S = 0.4
-"""Shortest time between two reports of progress."""
+MAX_EPOCHS = 300_000  # where a training ends, however often it goes on
+MIN_INTERVAL_S = 0.4  # shortest time between two reports of progress
 CURVE_POINTS = 240
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TrainingProgress:
-    """How far a training is.
+    """How far a training is: `epoch` of `n_epochs`, epochs and losses (n, 2), what is learned, and why it failed.
 
-    Attributes:
-        phase: `idle`, `waiting` for others to finish, `learning`, `stopped`, `finished` or `failed`.
-        n_epochs: Where it will stop.
-        epoch: Epochs done.
-        curve: Epoch and loss, shape (n, 2).
-        memory: What is learned so far, None before the first report.
-        failure: Why it failed, one line, or empty.
-        epochs_per_s: Its pace since it was last started, 0 if unknown.
+    Its phase is `idle`, `waiting` for others to finish, `learning`, `stopped`, `finished` or `failed`.
     """
 
     phase: str = "idle"
@@ -81,18 +72,8 @@ class TrainingProgress:
 class Trainer:
     """One training in a thread; it can be stopped and gone on with.
 
-    Args:
-        demonstrations: The basic actions.
-        training: Closed-loop ratio and seed; the number of epochs is `learn`'s.
-        concurrency_limit: Lets as many trainers of the server train at a time as it has places.
-
-    Attributes:
-        progress: How far it is now; replaced as a whole, so any thread may read it.
-        holders: Tabs that show it.
-        app_state: What the explorer's page shows of it, once it was asked for.
-
-    Raises:
-        SettingsError: If the demonstrations cannot be learned.
+    `concurrency_limit` is shared by the trainers of a server, `holders` counts the tabs that show this one. `progress`
+    is replaced as a whole, so any thread may read it. SettingsError if the demonstrations cannot be learned.
     """
 
     def __init__(
@@ -101,7 +82,7 @@ class Trainer:
         self.demonstrations, self.training = demonstrations, training
         self.progress = TrainingProgress()
         self.holders = 0
-        self.app_state: AppState | None = None
+        self.app_state: AppState | None = None  # what the explorer's page shows of it, once it was asked for
         self._network = NetworkSettings()
         n_codes = encoding_of(demonstrations, self._network).n_codes
         self._state = TrainingState.initial(self._network, n_codes, demonstrations.n_actions, training.seed)
@@ -113,8 +94,7 @@ class Trainer:
     def learn(self, n_epochs: int) -> None:
         """Begin, or go on, until `n_epochs` epochs are done altogether; returns at once.
 
-        Raises:
-            SettingsError: If it is at work already, or `n_epochs` are done or too many.
+        SettingsError if it is at work already, or `n_epochs` are done or too many.
         """
         if self.progress.busy:
             raise SettingsError("it is learning already")
@@ -175,8 +155,7 @@ class Trainer:
         self._reported = time.monotonic()
 
 
-PLACES = max(1, usable_cores() - 1)
-"""How many train at a time; the page keeps a core."""
+PLACES = max(1, usable_cores() - 1)  # how many train at a time; the page keeps a core
 
 
 class TrainingSessions:
@@ -223,14 +202,7 @@ MAX_SEED = 999_999
 
 
 class TrainingPanel:
-    """Trains one memory at a time for its tab.
-
-    Args:
-        keyframes: Returns the demonstrations of the tab as they are now.
-        app_state: What this server shows.
-        sessions: The trainers of this server.
-        taught: Name of the trainer to go on with, or empty.
-    """
+    """Trains one memory at a time for its tab; `taught` names the trainer to go on with, or is empty."""
 
     def __init__(
         self, keyframes: Callable[[], KeyframeSet], app_state: AppState, sessions: TrainingSessions, taught: str
@@ -265,7 +237,9 @@ class TrainingPanel:
                 field.props("dense options-dense")
         with ui.row().classes("items-center gap-2"):
             self.train = ui.button("Train", on_click=self._train).props("dense no-caps")
-            self.stop = ui.button("Stop", on_click=self._stop).props("dense no-caps outline")
+            self.stop = ui.button("Stop", on_click=lambda: self.trainer and self.trainer.stop()).props(
+                "dense no-caps outline"
+            )
             self.go_on = ui.button("Go on", on_click=self._go_on).props("dense no-caps outline")
             self.explore = ui.button("Explore this memory", on_click=self._explore).props("dense no-caps")
             self.save = ui.button("Download memory", on_click=self._download).props("dense no-caps outline")
@@ -306,10 +280,6 @@ class TrainingPanel:
         self.map.content = grown_map(None)
         self.result.clear()
         ui.navigate.history.replace(f"/teach?taught={self.name}")
-
-    def _stop(self) -> None:
-        if self.trainer is not None:
-            self.trainer.stop()
 
     def _go_on(self) -> None:
         trainer = self.trainer

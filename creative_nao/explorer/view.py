@@ -10,23 +10,14 @@ import numpy as np
 
 from creative_nao.maps.picture import GridMap
 
-SIZE = 600
-"""Pixels of a map along each side, whatever it shows."""
-SMALLEST = 0.002
-"""Width of the narrowest window: a thousand times nearer than the whole map."""
-ALL = 2.0
-"""Width of the PB space."""
+SIZE = 600  # pixels of a map along each side, whatever it shows
+SMALLEST = 0.002  # width of the narrowest window: a thousand times nearer than the whole map
+ALL = 2.0  # width of the PB space
 
 
 @dataclass(frozen=True)
 class View:
-    """A square of the PB space.
-
-    Attributes:
-        left: Lowest value of the first PB unit.
-        bottom: Lowest value of the second.
-        width: Length of its sides.
-    """
+    """A square of the PB space: the lowest values of the first and the second PB unit, and the length of its sides."""
 
     left: float
     bottom: float
