@@ -1,8 +1,4 @@
-"""Demonstrations made in the page: key postures at times, joined like the shipped ones. Nothing changes in place.
-
-A `KeyframeSet` holds `Draft`s, a draft holds `Key`s. Everything is checked where it is made, so that what a browser
-sends or keeps for us is either sound or refused with one line.
-"""
+"""Demonstrations made in the page: a set of drafts of key postures, each checked where it is made, none changed."""
 
 from __future__ import annotations
 
@@ -41,9 +37,8 @@ def _draft_name(name: str) -> str:
 
 
 KeyRow = Annotated[tuple[float, ...], Field(min_length=1 + N_JOINTS, max_length=1 + N_JOINTS)]
-"""A key as text: its time [s] and the angles [rad]."""
 Rows = Annotated[tuple[tuple[str, tuple[KeyRow, ...]], ...], Field(min_length=1)]
-"""Demonstrations as text: name and keys of each."""
+"""Demonstrations as text: the name and the keys of each, a key as its time [s] and the angles [rad]."""
 
 
 @record
@@ -62,10 +57,7 @@ class Key:
 
 @record
 class Draft:
-    """One demonstration in the making; its name will be that of a file.
-
-    It has 2 to `MAX_KEYS` keys, the first at 0 s, each at least `MIN_GAP_S` after the one before.
-    """
+    """A demonstration in the making: 2 to `MAX_KEYS` keys, the first at 0 s, the others `MIN_GAP_S` or more apart."""
 
     name: Annotated[str, AfterValidator(_draft_name)]
     keys: tuple[Key, ...]

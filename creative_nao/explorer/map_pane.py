@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from nicegui import events, run, ui
 
 from creative_nao.explorer import colours
-from creative_nao.explorer.markup import legend_html, marks_svg
+from creative_nao.explorer.markup import legend_html
 from creative_nao.explorer.memory_service import ALL_WORDS, OUTCOME_WORDS, spoken
 from creative_nao.explorer.registry import LEVELS, Computation, FinerMap, LoadedMemory, finer_map, measured
 from creative_nao.explorer.view import SIZE, View, cell_of
@@ -95,10 +95,6 @@ class MapPane:
         self.image.set_source(picture)
         whole = pb_map if colours.is_physical(colour) else self.loaded.pb_map
         self.legend.content = legend_html(whole, colour, None if values is None else span, lacking=colour != asked)
-
-    def redraw(self, points: np.ndarray, marks: Mapping[str, Sequence[float]], agent_points: np.ndarray | None) -> None:
-        """Draw the marks anew; the arguments are those of `marks_svg`."""
-        self.image.content = marks_svg(self.frame(), self.loaded.service.memory.pb, points, marks, agent_points)
 
     def describe(self, pb: tuple[float, float], colour: str) -> None:
         """Show in words what lies at a PB point."""

@@ -111,10 +111,7 @@ def strip_html(recall: Recall, service: MemoryService) -> str:
 
 
 def legend_html(pb_map: PBMap, colour: str, span: tuple[float, float] | None = None, lacking: bool = False) -> str:
-    """Return the legend of a colouring, by the map of the whole PB space and the values at the ends of its scale.
-
-    It is `lacking` if a physical colouring was asked for and there is no physical map.
-    """
+    """Return the legend of a colouring; `lacking` tells that a physical one was asked for without such a map."""
     actions = [f"{action_letter(place)} {spoken(name)}" for place, name in enumerate(pb_map.names)]
     shares = {name: pb_map.share_pct(name) for name in ALL_WORDS}
     texts = {name: f"{words} {shares[name]:.1f} %" for name, words in ALL_WORDS.items()}

@@ -71,10 +71,7 @@ class MemoryService:
         return self.memory.demonstrations.names
 
     def recall(self, points: np.ndarray) -> Recall:
-        """Generate the movement at a PB point or, with the PB moving from each to the next, along several.
-
-        ShapeError unless `points` has the shape (n, 2) and lies in [-1, 1].
-        """
+        """Generate the movement at a PB point or along several; ShapeError unless they are (n, 2) in [-1, 1]."""
         points = np.asarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 2 or not len(points) or not (np.abs(points) <= 1).all():
             raise ShapeError(f"`points` should have shape (n, 2) and lie in [-1, 1], but is {points.tolist()}")
@@ -84,10 +81,7 @@ class MemoryService:
             return self.evaluate(points, trajectory)
 
     def recognise(self, trajectory: np.ndarray) -> tuple[np.ndarray, float, Recall]:
-        """Find the PB point most like a recording [rad] at the memory's tick, shape (n_steps, 8).
-
-        Return the point, the DTW distance left [rad], and the recording itself, scored.
-        """
+        """Return the PB point most like a recording [rad], (n_steps, 8), the DTW left [rad], and it scored."""
         with self._lock:
             inferred = self.memory.infer_pb(trajectory)
             return inferred.pb, float(inferred.error), self.evaluate(inferred.pb[None], trajectory)
@@ -106,10 +100,7 @@ FAR_SHARE = 0.9  # `less_like` draws from the farthest tenth
 
 
 def surprise(pb_map: PBMap, rng: np.random.Generator) -> np.ndarray:
-    """Return a random point whose movement is appropriate and new, shape (2,).
-
-    SettingsError if the map has no such point; so do `more_like` and `less_like`.
-    """
+    """Return a random point whose movement is appropriate and new, shape (2,); SettingsError if there is none."""
     return _draw(pb_map, pb_map.outcome == "unlearned", rng)
 
 

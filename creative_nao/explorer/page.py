@@ -35,10 +35,7 @@ POLL_S = 0.3
 
 
 def build_page(tab: Tab) -> None:
-    """Lay the page out: of one memory the map left, robot and curves right; of two a column each.
-
-    On a phone all stands one below the other. One player drives all robots.
-    """
+    """Lay the page out: of one memory the map left, robot and curves right; of two a column each, with one player."""
     ui.page_title("Memory explorer")
     ui.add_css((STATIC / "page.css").read_text(encoding="utf-8"))
     ui.add_body_html(f"<script>{(STATIC / 'zoom.js').read_text(encoding='utf-8')}</script>")
@@ -212,10 +209,7 @@ def read_upload(name: str, content: bytes, dt_s: float) -> Recording:
 
 
 def export(recall: Recall, service: MemoryService, format_name: str) -> tuple[str, bytes, tuple[str, ...]]:
-    """Return file name, content and changes of a movement in one of the exchange formats.
-
-    A movement too fast or too wide is clipped and slowed down for formats that a robot plays, and kept otherwise.
-    """
+    """Return file name, content and changes of a movement in one of the formats, clipped for those a robot plays."""
     chosen = FORMATS[format_name]
     metadata = {"memory": service.memory.name, "pb": recall.points.tolist()}
     motion = Motion(recall.trajectory, service.memory.dt_s, JOINTS, metadata if chosen.holds_metadata else {})

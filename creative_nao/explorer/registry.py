@@ -243,10 +243,7 @@ class MemoryRegistry:
         self.names = tuple(dict.fromkeys([*started, *shipped_memories()]))
 
     def get(self, name: str) -> LoadedMemory:
-        """Return a memory, loaded now if it was not asked for before; its fine map is then computed beside.
-
-        NotFoundError if it is none of `names`; an address never names a file of its own choice.
-        """
+        """Return one of `names`, loaded when first asked for; else NotFoundError: an address never names a file."""
         if name not in self.names:
             raise NotFoundError(f"no memory `{name:.60}` here{nearest_name(name, self.names)}")
         with self._lock:

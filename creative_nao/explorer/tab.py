@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from nicegui import background_tasks, events, run, ui
 
 from creative_nao.errors import CreativeNaoError
 from creative_nao.explorer.map_pane import MapPane, MapState, as_pixel
-from creative_nao.explorer.markup import curves_svg, strip_html
+from creative_nao.explorer.markup import curves_svg, marks_svg, strip_html
 from creative_nao.explorer.memory_service import Recall, describe, surprise
 from creative_nao.explorer.physics_service import PhysicsService, angles_message, robot_scene
 from creative_nao.explorer.registry import NONE, LoadedMemory, MemoryRegistry
@@ -117,14 +116,13 @@ class Tab:
         self.refresh_favourites: Callable[[], object] = lambda: None
         self.refresh_toolbar: Callable[[], object] = lambda: None
         self.drawing: list[tuple[float, float]] = []
-        self._numbers = itertools.count(1)
         self._latest = 0
 
     def close(self) -> None:
         """End the tab's work and drop what it holds; what is still being computed is not shown any more."""
         self._closed()
         self.map_state.cancel()
-        self._latest = next(self._numbers)
+        self._latest += 1
         self.marks, self.trail, self.drawing = {}, [], []
 
     async def open(self) -> None:
@@ -134,7 +132,7 @@ class Tab:
 
     async def show(self, points: np.ndarray, keep: bool = True) -> None:
         """Let the robot do what lies at a point or along a path; the last call wins."""
-        self._latest = next(self._numbers)
+        self._latest += 1
         if keep and len(self.trail) < 1000:
             self.trail.append(self.points)
         self.points = np.asarray(points, dtype=np.float64)
@@ -173,7 +171,9 @@ class Tab:
         """Draw the marks on the maps anew."""
         points = np.array(self.drawing) if self.drawing else self.points
         for place, panel in enumerate(self.memory_panels):
-            panel.map.redraw(points, self.marks, self.app_state.agent_points if place == 0 else None)
+            agent_points = self.app_state.agent_points if place == 0 else None
+            learned_pb = panel.loaded.service.memory.pb
+            panel.map.image.content = marks_svg(panel.map.frame(), learned_pb, points, self.marks, agent_points)
 
     def go_beside(self, name: str) -> None:
         """Open the page anew, where it is, with another memory beside or, by `registry.NONE`, without."""

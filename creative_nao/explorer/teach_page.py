@@ -32,7 +32,6 @@ MAX_UNDO = 50
 _ARMS = (("Left arm", (4, 5, 6, 7)), ("Right arm", (0, 1, 2, 3)))
 _PARTS = ("Shoulder pitch", "Shoulder roll", "Elbow yaw", "Elbow roll")
 _KEPT_AS = "creative-nao-keyframes"
-_GET_KEPT = f"sessionStorage.getItem('{_KEPT_AS}')"
 
 
 class TeachTab:
@@ -224,7 +223,7 @@ class TeachTab:
 
     async def open(self) -> None:
         """Take up the keyframes that the browser kept for this tab."""
-        kept = await ui.run_javascript(_GET_KEPT, timeout=20)
+        kept = await ui.run_javascript(f"sessionStorage.getItem('{_KEPT_AS}')", timeout=20)
         self._opened = True  # only now may what the browser keeps be replaced
         if not kept or self._closed:
             return

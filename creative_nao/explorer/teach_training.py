@@ -92,10 +92,7 @@ class Trainer:
         self._reported = 0.0
 
     def learn(self, n_epochs: int) -> None:
-        """Begin, or go on, until `n_epochs` epochs are done altogether; returns at once.
-
-        SettingsError if it is at work already, or `n_epochs` are done or too many.
-        """
+        """Begin, or go on, until `n_epochs` are done altogether; SettingsError if at work, done or too many."""
         if self.progress.busy:
             raise SettingsError("it is learning already")
         if not self._state.epoch < n_epochs <= MAX_EPOCHS:
@@ -237,9 +234,8 @@ class TrainingPanel:
                 field.props("dense options-dense")
         with ui.row().classes("items-center gap-2"):
             self.train = ui.button("Train", on_click=self._train).props("dense no-caps")
-            self.stop = ui.button("Stop", on_click=lambda: self.trainer and self.trainer.stop()).props(
-                "dense no-caps outline"
-            )
+            self.stop = ui.button("Stop", on_click=lambda: self.trainer and self.trainer.stop())
+            self.stop.props("dense no-caps outline")
             self.go_on = ui.button("Go on", on_click=self._go_on).props("dense no-caps outline")
             self.explore = ui.button("Explore this memory", on_click=self._explore).props("dense no-caps")
             self.save = ui.button("Download memory", on_click=self._download).props("dense no-caps outline")
