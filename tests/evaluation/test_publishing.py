@@ -152,6 +152,7 @@ def test_where_one_is_ahead_the_page_says_by_how_much():
     assert re.search(r"Behind it: - `bayesian`: -1.00", page)
 
 
+@pytest.mark.slow
 def test_a_result_file_holds_to_the_bit_and_only_what_is_asked_is_played(finished):
     found = verify(finished.folder / "results.json", trusted=True, n_sample=2, executor=LocalExecutor(2))
     assert found.holds
