@@ -40,7 +40,7 @@ from creative_nao.storage import MAX_DIGITS, MAX_TEXT_BYTES, as_json, as_text, j
 __all__ = [
     "AfterValidator", "Count", "Field", "Index", "JsonObject", "LongText", "Name", "Names", "NonNegative", "PlainName",
     "Positive", "Seed", "Sha256", "Text", "UnitInterval", "Version1", "Versions", "checked", "checked_path", "dump",
-    "load_json", "parse", "record", "save_json",
+    "load_json", "must", "parse", "record", "save_json",
 ]  # fmt: skip
 
 T = TypeVar("T")
@@ -56,7 +56,9 @@ _is_writable = re.compile("[^\ud800-\udfff]*").fullmatch
 """Whether text can be written as UTF-8: JSON may hold halves of characters."""
 
 
-def _must(holds: Callable[[Any], object], expected: str) -> AfterValidator:
+def must(holds: Callable[[Any], object], expected: str) -> AfterValidator:
+    """Return the check of a field: where `holds` says no, the message tells what was `expected`."""
+
     def validate(value: Any) -> Any:
         if not holds(value):
             raise ValueError(expected)
@@ -89,23 +91,23 @@ Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 UnitInterval = Annotated[float, Field(ge=0, le=1)]
-Text = Annotated[str, Field(max_length=_LONGEST_NAME), _must(_is_writable, "text that can be written as UTF-8")]
-LongText = Annotated[str, Field(max_length=_LONGEST_TEXT), _must(_is_writable, "text that can be written as UTF-8")]
-Name = Annotated[str, _must(_is_name, f"a name of 1 to {_LONGEST_NAME} printable characters")]
+Text = Annotated[str, Field(max_length=_LONGEST_NAME), must(_is_writable, "text that can be written as UTF-8")]
+LongText = Annotated[str, Field(max_length=_LONGEST_TEXT), must(_is_writable, "text that can be written as UTF-8")]
+Name = Annotated[str, must(_is_name, f"a name of 1 to {_LONGEST_NAME} printable characters")]
 """Of a joint, an action, an agent."""
 Names = Annotated[
     tuple[Name, ...],
     Field(min_length=1, max_length=1_000),
-    _must(lambda names: len(set(names)) == len(names), "a list of different names"),
+    must(lambda names: len(set(names)) == len(names), "a list of different names"),
 ]
-PlainName = Annotated[str, _must(_is_plain_name, "a plain name, as of a file")]
+PlainName = Annotated[str, must(_is_plain_name, "a plain name, as of a file")]
 """One that may become a file's."""
-Sha256 = Annotated[str, _must(re.compile("[0-9a-f]{64}").fullmatch, "a SHA-256 of 64 hexadecimal digits")]
+Sha256 = Annotated[str, must(re.compile("[0-9a-f]{64}").fullmatch, "a SHA-256 of 64 hexadecimal digits")]
 Versions = Annotated[dict[Text, Text], Field(max_length=1_000)]
 """Versions of packages by name."""
 JsonObject = Annotated[dict[str, Any], AfterValidator(_json_object)]
 """Free JSON, such as a record of provenance."""
-Version1 = Annotated[int, _must(lambda version: version == 1, "1, the version that this release reads")]
+Version1 = Annotated[int, must(lambda version: version == 1, "1, the version that this release reads")]
 """Type of a field `format_version`; a file of another version is refused before its other fields are looked at."""
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from creative_nao.demonstrations.keyframes import DT_S
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name
 from creative_nao.joints import JOINTS, LIMITS_RAD, joint_angles
-from creative_nao.schema import AfterValidator, JsonObject, Names, checked
+from creative_nao.schema import JsonObject, Names, checked, must
 
 LIMIT_TOLERANCE_RAD = 0.02
 """How far a recorded angle may lie beyond a joint's range [rad]: gears give, encoders are offset."""
@@ -31,13 +31,7 @@ _MAX_PANELS = 12
 _MAX_NAMES = 8
 
 
-def _positive(seconds: float) -> float:
-    if seconds <= 0:
-        raise ValueError("a positive number of seconds")
-    return seconds
-
-
-Tick = Annotated[float, AfterValidator(_positive)]
+Tick = Annotated[float, must(lambda seconds: seconds > 0, "a positive number of seconds")]
 """Time from one posture to the next [s]."""
 
 

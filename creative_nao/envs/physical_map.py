@@ -40,7 +40,7 @@ from creative_nao.model import Memory
 from creative_nao.model.config import check_kind
 from creative_nao.robot import PhysicalLimits, first_failure
 from creative_nao.runtime import record as provenance
-from creative_nao.schema import AfterValidator, Field, Index, NonNegative, Text, checked_path, dump, parse, record
+from creative_nao.schema import Field, Index, NonNegative, Text, checked_path, dump, must, parse, record
 
 KIND = "physical PB map"
 BLOCK = 256
@@ -68,19 +68,15 @@ def _checked_npz(path: str | os.PathLike[str], name: str = "path") -> Path:
     return target
 
 
-def _known_outcomes(names: tuple[str, ...]) -> tuple[str, ...]:
-    if not set(names) <= set(_CODES):
-        raise ValueError("a list of known outcomes")
-    return names
-
-
 @record
 class PhysicalMapHeader(MapHeader):
     """What the file of a physical map says beside its arrays."""
 
     kind: Text
     n_done: Index
-    outcomes: Annotated[tuple[Text, ...], Field(max_length=100), AfterValidator(_known_outcomes)]
+    outcomes: Annotated[
+        tuple[Text, ...], Field(max_length=100), must(set(_CODES).issuperset, "a list of known outcomes")
+    ]
     """What the numbers in the arrays of outcomes mean."""
     wall_s: NonNegative
     cpu_s: NonNegative

@@ -33,7 +33,7 @@ from creative_nao.evaluation.statistics import (
     seed_sequence,
 )
 from creative_nao.evaluation.suites import Suite, actions_before, trained_here
-from creative_nao.schema import AfterValidator, Count, Field, Text, parse, record
+from creative_nao.schema import Count, Field, Text, must, parse, record
 from creative_nao.storage import as_json, read_text
 
 Row = Mapping[str, Any]
@@ -57,14 +57,9 @@ WHY_NONE = {
 }
 
 
-def _seed(text: str) -> str:
-    if not text.isdecimal() or len(text) > 19:
-        raise ValueError("a seed of at most 19 digits")
-    return text
-
-
 Label = Annotated[str, Field(max_length=4_000)]
-_Rewards = Annotated[dict[Annotated[str, AfterValidator(_seed)], float], Field(max_length=10_000)]
+_SeedText = Annotated[str, must(lambda text: text.isdecimal() and len(text) <= 19, "a seed of at most 19 digits")]
+_Rewards = Annotated[dict[_SeedText, float], Field(max_length=10_000)]
 
 
 @record(closed=False)

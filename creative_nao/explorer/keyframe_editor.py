@@ -15,7 +15,7 @@ from creative_nao.errors import FileFormatError, SettingsError
 from creative_nao.explorer.memory_service import spoken
 from creative_nao.joints import JOINTS, MAX_SPEED_RAD_S, MIRROR_SIGN, N_JOINTS, limits
 from creative_nao.measures import Criteria, dtw_matrix
-from creative_nao.schema import AfterValidator, Field, parse, record
+from creative_nao.schema import Field, must, parse, record
 
 MAX_DRAFTS = 8
 MAX_KEYS = 24
@@ -28,12 +28,7 @@ MIN_EXCURSION_RAD = 0.1  # what the widest joint should travel at least [rad]
 START_TOLERANCE_RAD = 0.3
 """How far a demonstration may start from the mean start of all [rad]: a memory starts all its movements there."""
 PEAK_OF_MEAN = 1.875  # largest speed of a minimum-jerk segment, as a multiple of its mean speed
-
-
-def _draft_name(name: str) -> str:
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,23}", name):
-        raise ValueError("a letter, then up to 23 letters, digits or _")
-    return name
+_is_draft_name = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,23}").fullmatch
 
 
 KeyRow = Annotated[tuple[float, ...], Field(min_length=1 + N_JOINTS, max_length=1 + N_JOINTS)]
@@ -59,7 +54,7 @@ class Key:
 class Draft:
     """A demonstration in the making: 2 to `MAX_KEYS` keys, the first at 0 s, the others `MIN_GAP_S` or more apart."""
 
-    name: Annotated[str, AfterValidator(_draft_name)]
+    name: Annotated[str, must(_is_draft_name, "a letter, then up to 23 letters, digits or _")]
     keys: tuple[Key, ...]
 
     def __post_init__(self) -> None:
