@@ -55,4 +55,5 @@ for agent in (RandomAgent(), FarFromTried()):
             rewards[seed, column] = play(agent, env, env_id=chosen.env, memory=memory, seed=seed).reward
         env.close()
     found = estimate(rewards, rng=np.random.default_rng(0))
-    print(f"{agent.name:<16} {found.value:.2f}" + (f" [{found.low:.2f}, {found.high:.2f}]" if found.low else ""))
+    interval = "" if found["low"] is None else f" [{found['low']:.2f}, {found['high']:.2f}]"
+    print(f"{agent.name:<16} {found['mean']:.2f}{interval}")
