@@ -158,8 +158,7 @@ def only_arrays(where: object, arrays: Iterable[str], names: Iterable[str]) -> N
         raise FileFormatError(f"{where}: the array `{surplus[0][:60]}` belongs to no part of it")
 
 
-MAX_UNPACKED_BYTES = 256_000_000
-"""Most bytes that the arrays of one NPZ file may unpack to."""
+MAX_UNPACKED_BYTES = 256_000_000  # most bytes that the arrays of one NPZ file may unpack to
 MAX_MEMBERS = 256
 _MAX_ARRAY_HEADER = 10_000
 _PLAIN_TYPE = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248]|U\d{1,9})", re.ASCII)

@@ -10,8 +10,7 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
-LONGEST_MESSAGE = 990
-"""Characters; a message quotes files, and a file may hold a name of a megabyte."""
+LONGEST_MESSAGE = 990  # characters; a message quotes files, and a file may hold a name of a megabyte
 
 
 class CreativeNaoError(Exception):

@@ -42,8 +42,7 @@ _MAX_SPEED_RAD_S = {"ShoulderPitch": 7.94, "ShoulderRoll": 6.47, "ElbowYaw": 7.4
 MAX_SPEED_RAD_S: dict[str, float] = {joint: _MAX_SPEED_RAD_S[joint[1:]] for joint in JOINTS}
 """No-load speed of each joint, from the NAO6 motor data and gear ratios [rad/s]."""
 
-ENCODER_STEP_RAD = 2.0 * np.pi / 4096
-"""One count of the 12-bit joint encoders [rad]."""
+ENCODER_STEP_RAD = 2.0 * np.pi / 4096  # one count of the 12-bit joint encoders [rad]
 
 MIRROR_SIGN: np.ndarray = np.array([1.0, -1.0, -1.0, -1.0])
 """Factor that turns (ShoulderPitch, ShoulderRoll, ElbowYaw, ElbowRoll) of one arm into the other arm's."""

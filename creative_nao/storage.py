@@ -135,15 +135,11 @@ def _create(temporary: Path) -> int:
         os.close(handle)  # swept away between its creation and its lock
 
 
-MAX_TEXT_BYTES = 64_000_000
-"""Largest JSON file, a run folder's results; smaller limits are given where they are known."""
-MAX_DEPTH = 64
-"""Lists and objects within each other that JSON may have."""
-MAX_DIGITS = 40
-"""Of a whole number in JSON; the state of a random generator has 39."""
+MAX_TEXT_BYTES = 64_000_000  # largest JSON file, a run folder's results; smaller limits are given where they are known
+MAX_DEPTH = 64  # lists and objects within each other that JSON may have
+MAX_DIGITS = 40  # of a whole number in JSON; the state of a random generator has 39
 MAX_YAML_BYTES = 2_000_000
-MAX_YAML_VALUES = 250_000
-"""Scalars, lists and mappings of a YAML file, with its aliases written out."""
+MAX_YAML_VALUES = 250_000  # scalars, lists and mappings of a YAML file, with its aliases written out
 
 
 def read_bytes(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> bytes:

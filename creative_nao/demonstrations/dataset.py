@@ -18,15 +18,10 @@ from creative_nao.schema import JsonObject, Names, checked, must
 LIMIT_TOLERANCE_RAD = 0.02
 """How far a recorded angle may lie beyond a joint's range [rad]: gears give, encoders are offset."""
 
-DT_RANGE_S = (1e-6, 1e4)
-"""Shortest and longest tick [s]."""
+DT_RANGE_S = (1e-6, 1e4)  # shortest and longest tick [s]
 
-UNKNOWN_RANGE_RAD = (-1e4, 1e4)
-"""Where an angle of a joint that the robot does not have may lie [rad]."""
-
-DEGREES_FROM_RAD = 2.0 * np.pi
-"""A joint angle of more than a full turn is taken for degrees."""
-
+UNKNOWN_RANGE_RAD = (-1e4, 1e4)  # where an angle of a joint that the robot does not have may lie [rad]
+DEGREES_FROM_RAD = 2.0 * np.pi  # a joint angle of more than a full turn is taken for degrees
 _MAX_PANELS = 12
 _MAX_NAMES = 8
 

@@ -25,15 +25,11 @@ from creative_nao.storage import read_text
 
 TIME_COLUMN = "time_s"
 MAX_FILE_BYTES = 20_000_000
-MAX_CELLS = 2_000_000
-"""Of a table: 20 MB of numbers with all their digits are a million."""
-LARGEST_TIME_S = 1e12
-"""Clocks that count from 1970 stand at 2e9."""
+MAX_CELLS = 2_000_000  # of a table: 20 MB of numbers with all their digits are a million
+LARGEST_TIME_S = 1e12  # clocks that count from 1970 stand at 2e9
 SHORTEST_STEP_S = 1e-6
-MAX_STEPS = 10_000
-"""Longest trajectory a file may hold, in ticks; more is a mistake in the unit of time."""
-GRID_TOLERANCE_S = 1e-6
-"""Times this close to the tick's grid are on it [s]."""
+MAX_STEPS = 10_000  # longest trajectory a file may hold, in ticks; more is a mistake in the unit of time
+GRID_TOLERANCE_S = 1e-6  # times this close to the tick's grid are on it [s]
 _WINDOW_POINTS = 33
 
 
@@ -226,9 +222,7 @@ def _number(cell: str, column: str, path: Path, line: int) -> float:
     return value
 
 
-SHIPPED_FOLDER = Path(__file__).parent / "data"
-"""The six basic actions that come with the package."""
-
+SHIPPED_FOLDER = Path(__file__).parent / "data"  # the six basic actions that come with the package
 RECORD_NAME = "record.json"
 MAX_ACTIONS = 1_000
 

@@ -20,29 +20,18 @@ from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.joints import GUARD_ARM_RAD, JOINTS, MIRROR_SIGN, limits
 from creative_nao.schema import Field, checked, record
 
-DT_S = 0.15
-"""Time between two postures of a basic action, the network's tick [s]."""
+DT_S = 0.15  # time between two postures of a basic action, the network's tick [s]
+N_STEPS = 50  # postures in a basic action: 7.5 s
+N_REPEATS = 3  # how often a basic action throws its punch
 
-N_STEPS = 50
-"""Postures in a basic action: 7.5 s."""
-
-N_REPEATS = 3
-"""How often a basic action throws its punch."""
-
-DURATION_S = (N_STEPS - 1) * DT_S
-"""Time from the first posture to the last [s]."""
-
-LEAD_S = 0.3
-"""How long the guard is held before the first punch [s]."""
-
-END_STOP_MARGIN_RAD = 0.03
-"""How far from the end stops of the joints a hand stays [rad]."""
+DURATION_S = (N_STEPS - 1) * DT_S  # time from the first posture to the last [s]
+LEAD_S = 0.3  # how long the guard is held before the first punch [s]
+END_STOP_MARGIN_RAD = 0.03  # how far from the end stops of the joints a hand stays [rad]
 
 Posture = tuple[float, float, float, float]
 """ShoulderPitch, ShoulderRoll, ElbowYaw and ElbowRoll of the right arm [rad]."""
 
-GUARD: Posture = GUARD_ARM_RAD
-"""The common start and end."""
+GUARD: Posture = GUARD_ARM_RAD  # the common start and end
 
 PUNCHES = tomllib.loads(Path(__file__).with_name("punches.toml").read_text(encoding="utf-8"))
 """Each punch as the file describes it: `keys` and `back_s`."""

@@ -39,17 +39,11 @@ if TYPE_CHECKING:
 # The bindings of MuJoCo have no static types.
 # pyright: reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
 
-FOREARMS = ("nao/RForearm", "nao/LForearm")
-"""Bodies that the hands hold, right first as in `joints.JOINTS`."""
+FOREARMS = ("nao/RForearm", "nao/LForearm")  # bodies that the hands hold, right first as in `joints.JOINTS`
 
-HELD_AT_M = (0.045, 0.0, 0.0)
-"""Where the hands hold, in the frame of the forearm: just before the wrist."""
-
-SETTLE_S = 0.5
-"""Held still in the first posture before the recording starts [s]."""
-
-FRAME_DT_S = 0.05
-"""Time between the snapshots kept for a film [s]."""
+HELD_AT_M = (0.045, 0.0, 0.0)  # where the hands hold, in the frame of the forearm: just before the wrist
+SETTLE_S = 0.5  # held still in the first posture before the recording starts [s]
+FRAME_DT_S = 0.05  # time between the snapshots kept for a film [s]
 
 SPEED_RANGE_RAD_S = (5.0, 6.0)
 """Where the largest speed over a tick, over the whole set, should lie: brisk, and within what the motors can do."""

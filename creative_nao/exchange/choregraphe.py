@@ -98,8 +98,7 @@ def keys_of(path: Path, names: object, times: object, angles: object) -> Keys:
     return Keys(joints, all_times, all_angles, notes=notes)
 
 
-MAX_PYTHON_BYTES = 2_000_000
-"""A syntax tree takes a hundred times the room of its text."""
+MAX_PYTHON_BYTES = 2_000_000  # a syntax tree takes a hundred times the room of its text
 
 _LISTS = {
     "names": "names", "jointNames": "names", "joint_names": "names",
@@ -190,8 +189,7 @@ def _without_print_statements(text: str) -> str:
     return "\n".join(lines)
 
 
-_SHORTEST_S = 0.02
-"""The robot's motion process takes a new target every 20 ms; more keys would be lost."""
+_SHORTEST_S = 0.02  # the robot's motion process takes a new target every 20 ms; more keys would be lost
 
 
 def write_script(motion: Motion, path: Path) -> list[str]:

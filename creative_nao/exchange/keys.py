@@ -21,20 +21,13 @@ from creative_nao.errors import FileFormatError, SettingsError, nearest_name
 from creative_nao.joints import JOINTS, LIMITS_RAD, joint_angles
 from creative_nao.schema import Field, JsonObject, Names, checked
 
-CYCLE_S = 0.010
-"""Cycle of the robot's device controller [s]; ticks made here are whole numbers of it."""
-
+CYCLE_S = 0.010  # cycle of the robot's device controller [s]; ticks made here are whole numbers of it
 APPROACH_SPEED_RAD_S = 1.5
 """Largest speed on the way to the first posture: less than a quarter of what the slowest joint can do."""
 
-MIN_LEAD_S = 1.0
-"""Shortest time for that way [s]."""
-
-MAX_POSTURES = 20_000
-"""Longest movement that is read, in postures."""
-
-LARGEST_ANGLE = 1e6
-"""Largest angle that is read, in radians or degrees."""
+MIN_LEAD_S = 1.0  # shortest time for that way [s]
+MAX_POSTURES = 20_000  # longest movement that is read, in postures
+LARGEST_ANGLE = 1e6  # largest angle that is read, in radians or degrees
 
 JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
 """Joints of a file, which may name one twice or call it something that is no name; those are not wanted."""

@@ -11,14 +11,11 @@ import numpy as np
 
 from creative_nao.schema import NonNegative, record
 
-FALL_HEIGHT_M = 0.24
-"""The robot has fallen when the torso sinks below this height; in the guard it stands at 0.32 m."""
+FALL_HEIGHT_M = 0.24  # the robot has fallen when the torso sinks below this height; in the guard it stands at 0.32 m
 FALL_TILT_RAD = 0.6
 """... or leans farther than this: the centre of mass is then outside the feet."""
-HIT_FORCE_N = 0.5
-"""A touch of the bag counts as a hit above this force."""
-HIT_PAUSE_S = 0.10
-"""Touches closer than this belong to one hit."""
+HIT_FORCE_N = 0.5  # a touch of the bag counts as a hit above this force
+HIT_PAUSE_S = 0.10  # touches closer than this belong to one hit
 PHYSICAL_FAILURES: tuple[str, ...] = ("joint_limit", "fell", "self_collision", "torque_saturated", "tracking_error")
 """Outcomes in the order of precedence: what was asked for first, then what explains what follows it."""
 

@@ -23,8 +23,7 @@ from creative_nao.robot.performance import Hits, Performance, has_fallen, tilt_r
 from creative_nao.robot.scene import PERFORMANCE_SENSORS, Index, Scene
 from creative_nao.schema import NonNegative, Positive, checked, record
 
-CYCLE_S = 0.010
-"""A new target for the servos every cycle."""
+CYCLE_S = 0.010  # a new target for the servos every cycle
 _WHOLE = 1e-6
 
 

@@ -27,10 +27,8 @@ if TYPE_CHECKING:
 
 Backend = Literal["auto", "gl", "software"]
 
-ON = ("egl", "osmesa", "glfw")
-"""What MUJOCO_GL may name."""
-OFF = ("disable", "disabled", "off", "false", "0")
-"""What MUJOCO_GL says to do without OpenGL."""
+ON = ("egl", "osmesa", "glfw")  # what MUJOCO_GL may name
+OFF = ("disable", "disabled", "off", "false", "0")  # what MUJOCO_GL says to do without OpenGL
 PACKAGES = {"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6", "glfw": "xvfb"}
 """What Debian and Ubuntu call the packages of each back end; glfw needs a display, here a virtual one."""
 

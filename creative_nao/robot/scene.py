@@ -30,8 +30,7 @@ RING_XML = Path(__file__).with_name("ring.xml")
 SCENE_XML = Path(__file__).with_name("scene.xml")
 """All three together, as `Scene` loads them."""
 
-BAG_FORCE = "bag_force"
-"""Sensor of the net force between robot and bag [N], in the world frame; absent without a bag."""
+BAG_FORCE = "bag_force"  # sensor of the net force between robot and bag [N], in the world frame; absent without a bag
 PERFORMANCE_SENSORS: dict[str, tuple[str, ...]] = {
     "torque": tuple(f"nao/{joint}_torque" for joint in JOINTS),
     "self": ("nao/self_contact",),

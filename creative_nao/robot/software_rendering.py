@@ -14,8 +14,7 @@ import mujoco
 import numpy as np
 
 _VISIBLE_GROUPS = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
-_SHININESS = 128.0
-"""OpenGL's exponent at a shininess of 1."""
+_SHININESS = 128.0  # OpenGL's exponent at a shininess of 1
 
 
 class SoftwareCanvas:

@@ -16,8 +16,7 @@ from creative_nao.model.training import TrainingState
 from creative_nao.runtime import sha256
 from creative_nao.schema import Count, Field, Index, record
 
-CONDITION_NAMES = tuple(CONDITIONS)
-"""`open`, `half`, `closed`: closed-loop ratio 0, 0.5 and 1."""
+CONDITION_NAMES = tuple(CONDITIONS)  # `open`, `half`, `closed`: closed-loop ratio 0, 0.5 and 1
 
 Report = Callable[[str, int, str], None]
 """Takes the name of a piece of work, how many of its units are done, and a note."""

@@ -38,8 +38,7 @@ CONDITION_TITLES = {"open": "open loop, 0.0", "half": "half closed, 0.5", "close
 CONVERGED_LEVEL = 0.01
 """Share of its first value that the loss has to fall below to count as converged; the paper names no criterion."""
 
-OWNED_PCT = 0.1
-"""Share of the map that a basic action's region needs to count as a region: 40 points of 40,000."""
+OWNED_PCT = 0.1  # share of the map that a basic action's region needs to count as a region: 40 points of 40,000
 
 Figures = Mapping[str, Any]
 """All figures of one network, as `summary.measure_entry` returns them."""
@@ -90,8 +89,7 @@ SHOWS: dict[str, Callable[[Figures], bool]] = {
 _CONTENT = tomllib.loads(read_text(Path(__file__).with_name("claims.toml"), "claims"))
 CLAIMS = tuple(parse(Claim, one, "claims.toml") for one in _CONTENT["claim"])
 _MEASURES = tuple(parse(Measure, one, "claims.toml") for one in _CONTENT["measure"])
-TABLE_I = tuple(one for one in _MEASURES if one.paper)
-"""The paper's Table I, row by row."""
+TABLE_I = tuple(one for one in _MEASURES if one.paper)  # the paper's Table I, row by row
 FURTHER = tuple(one for one in _MEASURES if not one.paper)
 """What the paper's share of inappropriate actions is made of; it gives no figures."""
 

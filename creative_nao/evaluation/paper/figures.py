@@ -27,11 +27,8 @@ MARKERS = {"open": "o", "half": "s", "closed": "D"}
 LINES: dict[str, Any] = {"open": "-", "half": (0, (5, 1.5)), "closed": (0, (2, 1.2))}
 """Conditions differ in marker and dash too, so that nothing rests on colour alone."""
 
-ARMS: dict[str, Any] = {"right": "-", "left": (0, (3, 1.5))}
-"""Lines of the two arms."""
-
-N_POINTS = 400
-"""Points of a drawn learning curve; each is the median over its stretch of epochs."""
+ARMS: dict[str, Any] = {"right": "-", "left": (0, (3, 1.5))}  # lines of the two arms
+N_POINTS = 400  # points of a drawn learning curve; each is the median over its stretch of epochs
 
 WALK = ("right_straight", "left_jab")
 """The walk goes along the straight line between the learned PB values of these two, the pair of the paper's Fig. 5."""

@@ -30,8 +30,7 @@ from creative_nao.evaluation.results import naming
 from creative_nao.storage import as_json, read_text, write_text
 
 PAGE = "reproduction.md"
-RESULTS_AT = "results/paper"
-"""Where the documentation keeps the result files, seen from the page."""
+RESULTS_AT = "results/paper"  # where the documentation keeps the result files, seen from the page
 
 RESULT_FILES = ("results.json", "claims.json", "figures.json", "run.json", "sensitivity.json")
 SENSITIVITY = "sensitivity.json"

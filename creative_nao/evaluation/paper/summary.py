@@ -29,17 +29,10 @@ from creative_nao.schema import JsonObject, load_json, record, save_json
 WARM_UP = 0.1
 """Share of the training that is left out of the unsteadiness: there the loss falls steeply in every condition."""
 
-SWITCH_EVERY = 5
-"""Ticks between two places where one action may give way to the other."""
-
-N_SAMPLED = 300
-"""Most unlearned points of a map that are compared with all mixtures."""
-
-N_BETWEEN = 19
-"""Points on the straight line between two learned PB values, ends left out."""
-
-FORMAT = 1
-"""Raised when the meaning of a figure changes, so that a run folder of another release is not continued."""
+SWITCH_EVERY = 5  # ticks between two places where one action may give way to the other
+N_SAMPLED = 300  # most unlearned points of a map that are compared with all mixtures
+N_BETWEEN = 19  # points on the straight line between two learned PB values, ends left out
+FORMAT = 1  # raised when the meaning of a figure changes, so that a run folder of another release is not continued
 
 WHY_NONE = {"novelty": "no appropriate action to measure", "diversity": "fewer than two appropriate actions to compare"}
 NOTHING_SEARCHED = dict.fromkeys(
