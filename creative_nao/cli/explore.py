@@ -55,14 +55,14 @@ def run(settings: ExploreSettings) -> int:
             f"explore shows one memory, or two different ones side by side, but got {' '.join(settings.memories)!r:.80}"
         )
     memories = [load_memory(name) for name in settings.memories]
-    if settings.html is not None:
-        return _write_page(settings, settings.html)
     try:
         from creative_nao.explorer.server import AppState, claim_port, serve
     except MissingDependencyError:  # of the robot, and it says so better
         raise
     except ImportError as error:
         raise MissingDependencyError(f"the explorer needs {error.name or 'NiceGUI'}: {INSTALL}") from error
+    if settings.html is not None:
+        return _write_page(settings, settings.html)
     from creative_nao.explorer.physics_service import PhysicsService
     from creative_nao.explorer.registry import MemoryRegistry, load_physical
     from creative_nao.explorer.state import Session, default_path

@@ -39,11 +39,6 @@ class Recall:
         """Where the PB ends."""
         return float(self.points[-1, 0]), float(self.points[-1, 1])
 
-    @property
-    def appropriate(self) -> bool:
-        """Whether a robot can use it."""
-        return self.outcome in APPROPRIATE
-
 
 class MemoryService:
     """A memory behind a lock: worker threads of many browser tabs ask it one after the other.
@@ -163,7 +158,7 @@ def describe(recall: Recall, service: MemoryService, digits: int = 3) -> str:
     if len(recall.points) > 1:
         where = f"path of {len(recall.points)} points to {where}"
     letter, name = action_letter(recall.nearest), spoken(service.names[recall.nearest])
-    verdict = "appropriate" if recall.appropriate else "inappropriate"
+    verdict = "appropriate" if recall.outcome in APPROPRIATE else "inappropriate"
     text = f"{where}; {verdict}, {OUTCOME_WORDS[recall.outcome]}; nearest {letter} {name}; novelty {recall.novelty:.1f}"
     if recall.outcome == "fluctuating":
         excess = recall.speeds / service.limit_rad_s

@@ -25,17 +25,13 @@ from creative_nao.storage import read_text
 
 @dataclass(frozen=True, eq=False)
 class PageAddress:
-    """Where a tab is: the movement's points, shape (n, 2), more than one a path, and what is shown in which colours.
-
-    `beside` names the second memory and `taught` the trainer of the first, or is empty; the `view` None is the whole
-    map.
-    """
+    """Where a tab is: the movement's points, shape (n, 2), more than one a path, and what is shown in which colours."""
 
     points: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
-    beside: str = ""
-    view: View | None = None
+    beside: str = ""  # name of the second memory, or empty
+    view: View | None = None  # None is the whole map
     colour: str = NEAREST
-    taught: str = ""
+    taught: str = ""  # name of the trainer whose memory is the first one, or empty
 
     def address(self) -> str:
         """Return the page's address that shows the same again."""

@@ -6,16 +6,15 @@ import dataclasses
 import json
 import zlib
 from base64 import b64encode
-from importlib import util
 from pathlib import Path
 from typing import Any
 
+import nicegui
 import numpy as np
 from PIL import Image
 
 from creative_nao import storage
 from creative_nao.envs.physical_map import PhysicalMap
-from creative_nao.errors import MissingDependencyError
 from creative_nao.evaluation.pages import render
 from creative_nao.explorer import colours
 from creative_nao.explorer.markup import ORDER, TEMPLATES, legend_html
@@ -118,7 +117,7 @@ def write_page(
     """Write the page to an HTML file, replaced in one step; it opens by double click and asks nothing of a network.
 
     With a physical map the page has its colourings as well. SettingsError if the memory has other than the eight arm
-    joints or two PB units, MissingDependencyError if the 3-D library of the extra `explore` is not there.
+    joints or two PB units.
     """
     service = MemoryService(memory)
     data = {
@@ -166,13 +165,7 @@ def memory_data(service: MemoryService) -> dict[str, Any]:
 
 def _modules() -> dict[str, str]:
     """Return the scripts as data addresses; the 3-D library keeps its own licence notice at its head."""
-    package = util.find_spec("nicegui")
-    if package is None or package.origin is None:
-        raise MissingDependencyError(
-            'a page of its own needs NiceGUI\'s 3-D library: pip install "creative-nao[explore]"'
-        )
-    library = Path(package.origin).parent / "elements" / "scene" / "dist" / "index.js"
-    sources = {"nicegui-scene": library}
+    sources = {"nicegui-scene": Path(nicegui.__file__).parent / "elements" / "scene" / "dist" / "index.js"}
     sources |= {f"cn-{name}": STATIC / f"{name}.js" for name in ("robot", "network", "attribution", "colouring")}
     return {name: colours.data_address("text/javascript", path.read_bytes()) for name, path in sources.items()}
 

@@ -206,9 +206,8 @@ class TrainingPanel:
     ) -> None:
         self._keyframes, self._app_state, self._sessions = keyframes, app_state, sessions
         self.name = taught if taught and sessions.hold(taught) else ""
-        self._closed = False
+        self._closed = self._drawing = False
         self._drawn: Memory | None = None
-        self._drawing = False
         self._shown: TrainingProgress | None = None
 
     @property
