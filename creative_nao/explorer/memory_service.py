@@ -20,19 +20,14 @@ from creative_nao.model import Memory
 
 @dataclass(frozen=True, eq=False)
 class Recall:
-    """A movement [rad], shape (n_steps, 8), that a memory made, and what it is worth.
+    """A movement that a memory made, and what it is worth."""
 
-    It comes from PB points of shape (n, 2), more than one a path. `nearest` is the index of the basic action most like
-    it, `novelty` the DTW distance to that one [rad]; the speeds of the joints between ticks [rad/s] have shape
-    (n_steps - 1, 8).
-    """
-
-    points: np.ndarray
-    trajectory: np.ndarray
-    outcome: str
-    nearest: int
-    novelty: float
-    speeds: np.ndarray
+    points: np.ndarray  # in the PB space, shape (n, 2); a path has more than one
+    trajectory: np.ndarray  # joint angles [rad], shape (n_steps, 8)
+    outcome: str  # `learned`, `unlearned`, `fluctuating` or `non_moving`
+    nearest: int  # index of the basic action most like it
+    novelty: float  # DTW distance to that one [rad]
+    speeds: np.ndarray  # of each joint between ticks [rad/s], shape (n_steps - 1, 8)
 
     @property
     def pb(self) -> tuple[float, float]:

@@ -110,10 +110,7 @@ class Session:
         return [favourite for favourite in self._favourites if favourite.memory == memory]
 
     def add(self, favourite: Favourite) -> None:
-        """Keep one more; the oldest gives way when there are too many.
-
-        OSError if the file cannot be written; the favourites then are as they were.
-        """
+        """Keep one more, the oldest gives way if need be; after an OSError the favourites are as they were."""
         self._change(lambda kept: [*kept, favourite][-MAX_FAVOURITES:])
 
     def remove(self, favourite: Favourite) -> None:

@@ -36,12 +36,9 @@ CURVE_POINTS = 240
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TrainingProgress:
-    """How far a training is: `epoch` of `n_epochs`, epochs and losses (n, 2), what is learned, and why it failed.
+    """How far a training is: `epoch` of `n_epochs`, epochs and losses (n, 2), what is learned, and why it failed."""
 
-    Its phase is `idle`, `waiting` for others to finish, `learning`, `stopped`, `finished` or `failed`.
-    """
-
-    phase: str = "idle"
+    phase: str = "idle"  # `waiting` for others to finish, `learning`, `stopped`, `finished` or `failed`
     n_epochs: int = 0
     epoch: int = 0
     curve: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 2)))
