@@ -44,12 +44,9 @@ __all__ = [
 ]  # fmt: skip
 
 T = TypeVar("T")
-MAX_KEYS = 10_000
-"""Of an object in a file."""
-_LONGEST_NAME = 200
-"""Characters of a name: of a joint, an action, an agent."""
-_LONGEST_TEXT = 20_000
-"""Characters of a `LongText`: a command line, a note of several sentences."""
+MAX_KEYS = 10_000  # of an object in a file
+_LONGEST_NAME = 200  # characters of a name: of a joint, an action, an agent
+_LONGEST_TEXT = 20_000  # characters of a `LongText`: a command line, a note of several sentences
 
 
 _is_writable = re.compile("[^\ud800-\udfff]*").fullmatch

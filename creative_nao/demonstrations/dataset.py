@@ -130,10 +130,8 @@ def outside_range(angles: np.ndarray, joints: tuple[str, ...]) -> tuple[int, int
     """Return where an angle first leaves its joint's range by more than the tolerance, and how to say so.
 
     The ranges of joints that the robot does not have are unknown here; `UNKNOWN_RANGE_RAD` bounds them all. The angles
-    [rad] have the shape (n_steps, n_joints).
-
-    Returns:
-        Row, column and the clause "is 92.0, looks like degrees, expected radians ...", or None if all is well.
+    [rad] have the shape (n_steps, n_joints). Returned are row, column and the clause "is 92.0, looks like degrees,
+    expected radians ...", or None if all is well.
     """
     ranges = np.array([LIMITS_RAD.get(joint, UNKNOWN_RANGE_RAD) for joint in joints])
     low, high = ranges[:, 0] - LIMIT_TOLERANCE_RAD, ranges[:, 1] + LIMIT_TOLERANCE_RAD

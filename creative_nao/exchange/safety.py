@@ -110,11 +110,8 @@ def made_safe(motion: Motion, unsafe: Unsafe = "refuse") -> tuple[Motion, list[s
     if findings and (unsafe == "refuse" or unknown):
         first = (unknown or findings)[0]
         more = f", and {len(findings) - 1} more" if len(findings) > 1 else ""
-        advice = (
-            "leave such joints out"
-            if unknown
-            else "--unsafe clip keeps angles within the ranges and slows the whole movement down"
-        )
+        slower = "--unsafe clip keeps angles within the ranges and slows the whole movement down"
+        advice = "leave such joints out" if unknown else slower
         raise UnsafeMotionError(f"unsafe movement: {first}{more}; {advice}.")
     sentences = [f"clipped: {finding}" for finding in findings if finding.kind == "angle"]
     pairs = np.array([LIMITS_RAD[joint] for joint in motion.joints])

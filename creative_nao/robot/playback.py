@@ -156,11 +156,7 @@ class Performer:
         return state
 
     def set_state(self, state: np.ndarray) -> None:
-        """Put `data` into a state of `get_state`; performances start from the settled guard all the same.
-
-        Raises:
-            ShapeError: If it is not a state of this model.
-        """
+        """Put `data` into a state of `get_state`, else ShapeError; performances start from the settled guard anyway."""
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
         size = mujoco.mj_stateSize(self.scene.model, kind)
         if np.shape(state) != (size,):
