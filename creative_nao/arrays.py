@@ -251,9 +251,10 @@ def _array(where: str, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.
 def save_npz(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Path:
     """Write arrays of numbers, and JSON as bytes in the array `header`, to an NPZ file in one step; return its path."""
     header_bytes = np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8)
+    named: dict[str, Any] = {**arrays, "header": header_bytes}
     # In memory first: on a full disk, an archive that is being written complains once more when it is dropped.
     content = io.BytesIO()
-    np.savez_compressed(content, **arrays, header=header_bytes)  # plain numbers only: nothing is pickled
+    np.savez_compressed(content, **named)  # plain numbers only: nothing is pickled
     return write_bytes(path, content.getvalue())
 
 

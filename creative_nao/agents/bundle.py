@@ -236,6 +236,9 @@ def load_bundle(path: str | Path) -> TrainedPolicy:
     return TrainedPolicy(header, policy)
 
 
+load_agent = load_bundle
+
+
 def _header(where: str, described: dict[str, Any]) -> BundleHeader:
     parse(_Versioned, described, where)
     values = {"versions": None, **described}

@@ -3,23 +3,6 @@
 `read` and `write` do all `FORMATS`; `inspect` and `made_safe` say whether a robot may be asked to do it.
 """
 
-from creative_nao.exchange.formats import FORMATS, Exported, format_for, read, recognise, write
-from creative_nao.exchange.keys import Motion, Recording
-from creative_nao.exchange.safety import UNSAFE, Finding, Unsafe, UnsafeMotionError, inspect, made_safe
+import lazy_loader
 
-__all__ = [
-    "FORMATS",
-    "UNSAFE",
-    "Exported",
-    "Finding",
-    "Motion",
-    "Recording",
-    "Unsafe",
-    "UnsafeMotionError",
-    "format_for",
-    "inspect",
-    "made_safe",
-    "read",
-    "recognise",
-    "write",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

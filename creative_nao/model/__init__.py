@@ -11,40 +11,6 @@ In reading order:
 torch is loaded by the reference network only, numba by the first compiled computation.
 """
 
-from creative_nao.model.config import NetworkSettings, TrainingSettings
-from creative_nao.model.memory import (
-    CONDITIONS,
-    SPLITS,
-    Memory,
-    Walk,
-    load_memory,
-    shipped_memories,
-    shipped_scores,
-    split_memories,
-    split_of,
-    walk,
-)
-from creative_nao.model.recognition import Recognition
-from creative_nao.model.training import Trained, checkpoint_of, reproduction, train, train_many, train_network
+import lazy_loader
 
-__all__ = [
-    "CONDITIONS",
-    "SPLITS",
-    "Memory",
-    "NetworkSettings",
-    "Recognition",
-    "Trained",
-    "TrainingSettings",
-    "Walk",
-    "checkpoint_of",
-    "load_memory",
-    "reproduction",
-    "shipped_memories",
-    "shipped_scores",
-    "split_memories",
-    "split_of",
-    "train",
-    "train_many",
-    "train_network",
-    "walk",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
