@@ -159,11 +159,7 @@ class Teacher:
         self._self_contact = int(model.sensor_adr[touch])
 
     def teach(self, name: str, rng: np.random.Generator) -> Lesson:
-        """Lead the arms through one of `keyframes.ACTIONS` and record it.
-
-        Raises:
-            NotFoundError: If there is no such basic action.
-        """
+        """Lead the arms through one of `keyframes.ACTIONS`, else NotFoundError, and record it."""
         movement = keyframes(name)
         path = vary(movement, self.variation, rng)
         step_s = self._model.opt.timestep

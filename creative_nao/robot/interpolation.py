@@ -37,10 +37,8 @@ def refine(values: np.ndarray, dt: float, factor: int) -> np.ndarray:
     Args:
         values: Knots, shape (n_knots, n_channels); one knot comes back as it is.
         dt: Time between knots [s].
-        factor: Samples per interval, >= 1.
-
-    Returns:
-        Shape ((n_knots - 1) * factor + 1, n_channels); every `factor`-th row is a knot, exactly.
+        factor: Samples per interval, >= 1. The result has the shape ((n_knots - 1) * factor + 1, n_channels); every
+            `factor`-th row is a knot, exactly.
     """
     if len(values) < 2 or factor == 1:
         return values.copy()

@@ -39,12 +39,7 @@ POSTURES: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 
 def posture(name: str) -> dict[str, float]:
-    """Return a copy of a known posture [rad].
-
-    Raises:
-        NotFoundError: If no posture has this name.
-        SettingsError: If it is no text.
-    """
+    """Return a copy of a known posture [rad]; NotFoundError if none has this name, SettingsError if it is no text."""
     if checked(str, name, "name") not in POSTURES:
         raise NotFoundError(
             f"no posture `{name}`{nearest_name(name, POSTURES)}; the known ones are {', '.join(POSTURES)}."

@@ -111,9 +111,7 @@ def place(model: Any, data: Any, index: Index, name: str) -> None:
     """Put the robot into a named posture with its soles on the floor, servos at the same angles, everything at rest.
 
     The torso leans so that the soles are flat, and is set so that the middle between the ankles lies at x = y = 0.
-
-    Raises:
-        NotFoundError: If no posture has this name.
+    NotFoundError says that no posture has this name.
     """
     angles = posture(name)
     mujoco.mj_resetData(model, data)
@@ -188,10 +186,9 @@ class Stiffness:
         self._full_range = model.actuator_forcerange.copy()
 
     def set(self, joints: tuple[str, ...], stiffness: float) -> None:
-        """Limit the torque of `joints` to `stiffness` (0 to 1) times their full torque.
+        """Limit the torque of `joints`, each with a motor of its own, to `stiffness` (0 to 1) times their full torque.
 
-        Raises:
-            SettingsError: If `stiffness` lies outside 0 to 1 or a joint has no motor of its own.
+        SettingsError says that `stiffness` lies outside 0 to 1 or a joint has no motor of its own.
         """
         stiffness = checked(UnitInterval, stiffness, "stiffness")
         unknown = [joint for joint in joints if joint not in self._ids]

@@ -97,9 +97,7 @@ def make_page(content: Mapping[str, Any], *, results_at: str = "") -> str:
     """Return the page as Markdown, made of what `read_content` gives.
 
     For its links, `results_at` is the folder of the result files, seen from the page; empty for the same folder.
-
-    Raises:
-        FileFormatError: If a part of a result file is missing or of another kind.
+    FileFormatError tells of a part of a result file that is missing or of another kind.
     """
     study = content["sensitivity"]
     with naming("results"):
