@@ -154,8 +154,7 @@ def marks_svg(
 ) -> str:
     """Return the marks over a map as the inside of an SVG; those outside the view are left out.
 
-    Basic actions, the movement's points (more than one are a path) and those of agents have the shape (n, 2); `marks`
-    are more letters and their PB points.
+    All points have the shape (n, 2), more than one of a movement are a path; `marks` are more letters and their points.
     """
     letters = [(action_letter(place), pb) for place, pb in enumerate(learned_pb)] + list((marks or {}).items())
 

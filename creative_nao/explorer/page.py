@@ -190,10 +190,7 @@ MAX_TICKS = 2000
 
 
 def read_upload(name: str, content: bytes, dt_s: float) -> Recording:
-    """Read an uploaded movement at a tick [s]; of its name only a known ending counts, and no file is made.
-
-    FileFormatError if it is too large or long, or holds no movement, SettingsError if its format is not recognised.
-    """
+    """Read an upload at a tick [s], only its name's ending counts; FileFormatError or SettingsError if it is none."""
     if len(content) > MAX_UPLOAD_BYTES:
         raise FileFormatError(f"a recording may have {MAX_UPLOAD_BYTES} bytes, this one has {len(content)}")
     ending = PurePath(name).suffix.lower()

@@ -81,8 +81,7 @@ BLOCK = 512  # movements generated at a time: few enough that a click in between
 def measured(memory: Memory, pb_map: PBMap, colour: str, whole: PBMap, work: Computation) -> np.ndarray | None:
     """Return the number of each cell, shape (n,), as `maps.colour_values` defines it; None if cancelled.
 
-    The memory generates the movements again where the map does not hold them. An unexpected movement is compared with
-    the map of the `whole` PB space.
+    The memory generates movements that the map lacks; unexpected ones are compared with those of the `whole` space.
     """
     if colour == "unexpectedness":
         usable = whole.distance[whole.appropriate]
@@ -170,16 +169,12 @@ COARSE = 40
 
 
 class LoadedMemory:
-    """One memory with what was computed of it, shared by all tabs that show it.
-
-    Its `key` is its content hash, `pb_map` the best map of its whole PB space so far; `finished` is set when that is
-    the fine one.
-    """
+    """One memory, its content hash as key, and what was computed of it, shared by all tabs that show it."""
 
     def __init__(self, memory: Memory, resolution: int = PAPER_RESOLUTION, physical: PhysicalMap | None = None) -> None:
         self.name, self.key, self.physical = memory.name, content_hash(memory), physical
         self.service = MemoryService(memory)
-        self.finished = threading.Event()
+        self.finished = threading.Event()  # set when `pb_map`, the best map so far, is the fine one
         self._resolution = resolution
         self._numbers: dict[tuple[str, int], np.ndarray] = {}
         self._lock = threading.Lock()
@@ -224,8 +219,7 @@ NONE = "none"  # what an address says when there shall be no second memory
 class MemoryRegistry:
     """Memories by name, each loaded when it is first asked for and then shared by all tabs.
 
-    `memories` are those the page was started with: the `first`, that it is about, and perhaps one `beside` it (its
-    name, or empty). `names` are all that may be asked for; `physical` is what `load_physical` returns.
+    It starts with one of them or two; `physical` is what `load_physical` returns.
     """
 
     def __init__(
@@ -239,7 +233,7 @@ class MemoryRegistry:
         self._loaded = {memory.name: self._load(memory) for memory in memories}
         started = list(self._loaded)
         self.first = self._loaded[started[0]]
-        self.beside = started[1] if len(started) > 1 else ""
+        self.beside = started[1] if len(started) > 1 else ""  # name of the one shown beside it from the start
         self.names = tuple(dict.fromkeys([*started, *shipped_memories()]))
 
     def get(self, name: str) -> LoadedMemory:

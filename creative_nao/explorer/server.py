@@ -167,10 +167,7 @@ def claim_port(host: str, port: int) -> None:
 
 
 def serve(app_state: AppState, *, host: str, port: int, show: bool) -> None:
-    """Serve until Ctrl-C, and `show` the page in the user's browser.
-
-    Only with another `host` than 127.0.0.1 can other machines reach the page.
-    """
+    """Serve until Ctrl-C, and `show` the page; only with a `host` other than 127.0.0.1 can other machines reach it."""
     mount(app_state)
     app.add_middleware(ConcurrencyLimit, paths=PAGES)
     if host in LOCAL_HOSTS:

@@ -116,8 +116,7 @@ def write_page(
 ) -> Path:
     """Write the page to an HTML file, replaced in one step; it opens by double click and asks nothing of a network.
 
-    With a physical map the page has its colourings as well. SettingsError if the memory has other than the eight arm
-    joints or two PB units.
+    SettingsError if the memory has other than the eight arm joints or two PB units.
     """
     service = MemoryService(memory)
     data = {

@@ -67,18 +67,14 @@ class TrainingProgress:
 
 
 class Trainer:
-    """One training in a thread; it can be stopped and gone on with.
-
-    `concurrency_limit` is shared by the trainers of a server, `holders` counts the tabs that show this one. `progress`
-    is replaced as a whole, so any thread may read it. SettingsError if the demonstrations cannot be learned.
-    """
+    """A training in a thread, to be stopped and gone on with; SettingsError if it cannot be learned."""
 
     def __init__(
         self, demonstrations: Demonstrations, training: TrainingSettings, concurrency_limit: threading.Semaphore
     ) -> None:
         self.demonstrations, self.training = demonstrations, training
-        self.progress = TrainingProgress()
-        self.holders = 0
+        self.progress = TrainingProgress()  # replaced as a whole, so any thread may read it
+        self.holders = 0  # tabs that show it
         self.app_state: AppState | None = None  # what the explorer's page shows of it, once it was asked for
         self._network = NetworkSettings()
         n_codes = encoding_of(demonstrations, self._network).n_codes
