@@ -190,7 +190,12 @@ MAX_TICKS = 2000
 
 
 def read_upload(name: str, content: bytes, dt_s: float) -> Recording:
-    """Read an upload at a tick [s], only its name's ending counts; FileFormatError or SettingsError if it is none."""
+    """Read an uploaded movement at a tick [s]; of its name only a known ending counts, and no file is made.
+
+    Raises:
+        FileFormatError: If it is too large or too long, or holds no movement.
+        SettingsError: If its format is not recognised.
+    """
     if len(content) > MAX_UPLOAD_BYTES:
         raise FileFormatError(f"a recording may have {MAX_UPLOAD_BYTES} bytes, this one has {len(content)}")
     ending = PurePath(name).suffix.lower()
@@ -206,7 +211,10 @@ def read_upload(name: str, content: bytes, dt_s: float) -> Recording:
 
 
 def export(recall: Recall, service: MemoryService, format_name: str) -> tuple[str, bytes, tuple[str, ...]]:
-    """Return file name, content and changes of a movement in one of the formats, clipped for those a robot plays."""
+    """Return file name, content and changes of a movement in one of the exchange formats.
+
+    A movement too fast or too wide is clipped and slowed down for formats that a robot plays, and kept otherwise.
+    """
     chosen = FORMATS[format_name]
     metadata = {"memory": service.memory.name, "pb": recall.points.tolist()}
     motion = Motion(recall.trajectory, service.memory.dt_s, JOINTS, metadata if chosen.holds_metadata else {})

@@ -110,7 +110,12 @@ class Session:
         return [favourite for favourite in self._favourites if favourite.memory == memory]
 
     def add(self, favourite: Favourite) -> None:
-        """Keep one more, the oldest gives way if need be; after an OSError the favourites are as they were."""
+        """Keep one more; the oldest gives way when there are too many.
+
+        Raises:
+            OSError: If the file cannot be written; the favourites then are as they were.
+            FileFormatError: If the file has become no session of ours.
+        """
         self._change(lambda kept: [*kept, favourite][-MAX_FAVOURITES:])
 
     def remove(self, favourite: Favourite) -> None:
