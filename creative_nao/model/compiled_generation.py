@@ -94,7 +94,7 @@ def generate_batch(net, n_points, pb, code0, u, angles):
     """Run the network in closed loop for a batch of points, with derivatives where the rows have room for them.
 
     Args:
-        net: `generation.Weights` with a row for each postsynaptic unit.
+        net: Weights, biases, layer bounds, rates and reference angles; a row for each postsynaptic unit.
         n_points: Columns that hold values, a multiple of 16; all columns together, `width`, are one of `matmul.PANEL`.
         pb: PB values, (1 or n_steps, n_pb, width); with one row they are constant. Row t drives the states of tick t.
         code0: Code of the initial posture, (n_codes,).
