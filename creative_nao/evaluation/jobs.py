@@ -185,7 +185,7 @@ def _score_map(suite: Suite, memory: str, training: Job | None) -> Job:
         "n_actions": suite.n_actions,
         "chart": f"maps/{slug(memory)}.npz",
     }
-    title, work_s = f"chart {memory} and search it with the oracle", suite.resolution**2 / 5000.0
+    title, work_s = f"score the map of {memory} and search it with the oracle", suite.resolution**2 / 5000.0
     return _job("chart", slug(memory), title, spec, work_s, training, writes=spec["chart"])
 
 
@@ -196,7 +196,7 @@ def _play(
     """Return the job in which an agent plays; `trained` makes its bundles, `taught` the memories."""
     cost = dict(suite.seconds_per_action)
     reach = f"{slug(memories[0])}-to-{slug(memories[-1])}" if len(memories) > 1 else slug(memories[0])
-    whom = f"judge {agent}" if len(memories) == 1 else f"judge {agent} on {len(memories)} memories"
+    whom = f"evaluate {agent}" if len(memories) == 1 else f"evaluate {agent} on {len(memories)} memories"
     which = f"seeds {seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else f"seed {seeds[0]}"
     spec = {
         "agent": agent,

@@ -84,7 +84,10 @@ def test_an_agent_plays_named_memories(trained, capsys):
         (["train", "pp0", "--out", "x"], "no learning agent `pp0` (did you mean `ppo`?)"),
         (["train", "ppo", "--env", "CreativeNao/Boxin-v0", "--out", "x"], "(did you mean `CreativeNao/Boxing-v0`?)"),
         (["train", "ppo", "--memory", "test", "--out", "x"], "should not be of the test part of the bank"),
-        (["train", "ppo", "--judged-seeds", "0", "--out", "x"], "`judged_seeds` should be a list of at least 1 entr"),
+        (
+            ["train", "ppo", "--judged-seeds", "0", "--out", "x"],
+            "`judged_seeds` should be a list of at least 1 entries",
+        ),
         (["train", "ppo", "--judged-seeds", "101", "--out", "x"], "--judged-seeds should be at most 100, but is 101"),
         (["train", "ppo", "--timesteps", "0", "--out", "x"], "`n_timesteps` should be at least 1"),
         (["run", "randon"], "no agent `randon` (did you mean `random`?)"),

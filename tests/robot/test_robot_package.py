@@ -13,5 +13,5 @@ def test_every_public_name_loads_and_is_documented(name):
 
 
 def test_an_unknown_name_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="attribute Nonsense"):
+    with pytest.raises(AttributeError, match=r"^No creative_nao\.robot attribute Nonsense$"):
         robot.Nonsense  # noqa: B018
