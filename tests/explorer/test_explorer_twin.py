@@ -13,12 +13,13 @@ from creative_nao.explorer.state import Favourite, Session
 from creative_nao.model import load_memory
 
 ANGLES = """[...document.querySelectorAll('.cn-scene [id]')].map((place) => window['scene_' + place.id]).filter(Boolean)
-    .map((scene) => [...window.robotPlayer.robots].find((robot) => {
+    .map((scene) => [...(window.robotPlayer?.robots ?? [])].find((robot) => {
         let top = robot.root;
         while (top.parent) top = top.parent;
         return top === scene;
     })?.movement?.angles ?? [])"""
-"""What the robots do, in the order of the page; the player knows them in the order in which they were made."""
+"""What the robots do, in the order of the page (the player has the order in which they were made); it may be asked
+before the player's script is loaded."""
 STATUS = "(k) => document.querySelectorAll('[role=status]')[k]?.textContent ?? ''"
 
 

@@ -73,7 +73,7 @@ def test_the_posture_shown_is_that_of_the_key(teach):
     tab = teach()
     tab.page.get_by_role("button", name="Key at 0.70 s").click()
     posture = boxing().drafts[0].keys[2].posture
-    turn = "[...window.robotPlayer.robots][0].movement.angles"
+    turn = "[...(window.robotPlayer?.robots ?? [])][0]?.movement?.angles"
     tab.page.wait_for_function(f"JSON.stringify({turn}) === JSON.stringify({[[round(a, 5) for a in posture]]})")
     press(tab, "Preview")
     tab.page.wait_for_function("Math.abs(window.robotPlayer.duration - 7.35) < 1e-6")

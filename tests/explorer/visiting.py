@@ -89,10 +89,12 @@ class Visit:
         )
 
     def wait_for_robot(self):
-        self.page.wait_for_function(f"({self.POSE})().length === 16 && window.robotPlayer.duration > 0")
+        self.page.wait_for_function(f"({self.POSE})().length === 16 && window.robotPlayer?.duration > 0")
 
     def wait_for_pose(self):
-        self.page.wait_for_function(f"({self.POSE})().length === 16 && [...window.robotPlayer.robots][0]?.movement")
+        self.page.wait_for_function(
+            f"({self.POSE})().length === 16 && [...(window.robotPlayer?.robots ?? [])][0]?.movement"
+        )
 
     @property
     def status(self):
