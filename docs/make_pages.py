@@ -29,8 +29,9 @@ PROJECT = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf
 EXTRAS = {name: needs for name, needs in PROJECT["optional-dependencies"].items() if name not in ("dev", "docs")}
 """What the extras for users need; the two others are for developers."""
 
-FAULTS_PAGE, FAULTS_RECORD = DOCS / "reliability.md", DOCS / "faults.json"
-FAULTS_BEGIN, FAULTS_END = "<!-- faults: written by docs/make_pages.py -->", "<!-- end of faults -->"
+RELIABILITY = DOCS / "reliability.md"
+RECORDS = {"faults": DOCS / "faults.json", "attempts": DOCS / "attempts.json"}
+"""What the tests recorded, by the name of its tables in reliability.md."""
 
 PACKAGES = (
     "creative_nao",
@@ -64,8 +65,13 @@ def environments() -> None:
 @app.command
 def faults() -> None:
     """Write the tables of faults into reliability.md from faults.json, which `pytest tests/faults` records."""
-    record = json.loads(FAULTS_RECORD.read_text(encoding="utf-8"))
-    storage.write_text(FAULTS_PAGE, with_fault_table(FAULTS_PAGE.read_text(encoding="utf-8"), record))
+    _write_tables("faults")
+
+
+@app.command
+def attempts() -> None:
+    """Write the table of attempts into reliability.md from attempts.json, which `pytest --write-attempts` records."""
+    _write_tables("attempts")
 
 
 @app.command
@@ -177,10 +183,29 @@ def _share(cases: list[dict[str, Any]]) -> str:
     return f"{sum(case['survived'] for case in cases)} of {len(cases)}" if cases else "-"
 
 
-def with_fault_table(page: str, record: dict[str, Any]) -> str:
-    """Return the page with its tables of faults written anew."""
-    before, rest = page.split(FAULTS_BEGIN)
-    return f"{before}{FAULTS_BEGIN}\n{fault_table(record)}{FAULTS_END}{rest.split(FAULTS_END)[1]}"
+def attempt_table(record: dict[str, Any]) -> str:
+    """Return what was tried against files, environments and pages as a Markdown table with a row for each case."""
+    rows: dict[tuple[str, str], dict[str, Any]] = {}
+    for case in record["cases"]:
+        fresh = {"n": 0, "held": 0, "outcomes": {}, "tests": {}}
+        row = rows.setdefault((case["kind"], case["case"]), fresh)
+        row["n"] += case["n"]
+        row["held"] += case["n"] * case["held"]
+        row["outcomes"][case["outcome"]] = row["tests"][case["test"]] = None
+    return render("attempts.md.jinja", TEMPLATES, rows=rows)
+
+
+def with_tables(page: str, name: str, record: dict[str, Any]) -> str:
+    """Return the page with its tables of `faults` or of `attempts` written anew."""
+    begin, end = f"<!-- {name}: written by docs/make_pages.py -->", f"<!-- end of {name} -->"
+    table = {"faults": fault_table, "attempts": attempt_table}[name](record)
+    before, rest = page.split(begin)
+    return f"{before}{begin}\n{table}{end}{rest.split(end)[1]}"
+
+
+def _write_tables(name: str) -> None:
+    record = json.loads(RECORDS[name].read_text(encoding="utf-8"))
+    storage.write_text(RELIABILITY, with_tables(RELIABILITY.read_text(encoding="utf-8"), name, record))
 
 
 def licences_page() -> str:

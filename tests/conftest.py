@@ -1,6 +1,8 @@
 """What many tests share: a tiny trained memory, made once; and how two workers share the work of a whole run."""
 
+import json
 import os
+from pathlib import Path
 
 # Two threads of torch on two busy cores are up to ten times slower than one. Before anything imports it.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -12,6 +14,7 @@ import pytest
 from creative_nao import measures, storage
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.model import Memory, NetworkSettings, TrainingSettings, load_memory, train_network
+from creative_nao.runtime import versions
 
 TINY = NetworkSettings(layer_sizes=(12, 6, 3))
 MANY = 200
@@ -32,6 +35,46 @@ def pytest_xdist_make_scheduler(config, log):
             return next((start for start in TOGETHER if nodeid.startswith(start)), super()._split_scope(nodeid))
 
     return Scheduling(config, log) if config.option.dist == "loadfile" else None
+
+
+def pytest_addoption(parser):
+    parser.addoption("--write-attempts", type=Path, help="JSON file to record attempts in; its other cases stay")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    report = yield
+    if report.when == "call":
+        item.report_of_call = report
+    return report
+
+
+@pytest.fixture
+def attempt(request):
+    """Tell of what a test tries against the project: ``attempt(kind, case, outcome, n=1)``.
+
+    `kind` is what is attacked, `case` what is tried, `outcome` how it should be answered, `n` how often it is tried.
+    Whether it held is known when the test has ended; of tests that tell the same case, all have to hold. With
+    `--write-attempts docs/attempts.json` it is recorded, and `python docs/make_pages.py attempts` writes the table.
+    """
+    told = []
+    yield lambda kind, case, outcome, n=1: told.append({"kind": kind, "case": case, "outcome": outcome, "n": n})
+    target = request.config.getoption("--write-attempts", default=None)
+    if target is None or not told:
+        return
+    report = getattr(request.node, "report_of_call", None)
+    where = request.node.nodeid.partition("::")[0]
+    held = report is not None and report.passed
+    with storage.alone(target.absolute().parent):
+        known = json.loads(target.read_text(encoding="utf-8"))["cases"] if target.exists() else []
+        cases = {(one["kind"], one["case"], one["id"]): one for one in known}
+        for one in told:
+            cases[one["kind"], one["case"], request.node.name] = {
+                **one, "held": held, "test": where, "id": request.node.name
+            }  # fmt: skip
+        lines = ",\n".join("  " + json.dumps(cases[key], ensure_ascii=False) for key in sorted(cases))
+        text = f'{{\n "versions": {json.dumps(versions())},\n "cases": [\n{lines}\n ]\n}}\n'
+        storage.write_text(target, text)
 
 
 def _generate():

@@ -40,14 +40,6 @@ def tried(request):
         keep(told, target)
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item, call):
-    report = yield
-    if report.when == "call":
-        item.report_of_call = report
-    return report
-
-
 @pytest.fixture(scope="session")
 def undisturbed(tmp_path_factory):
     """Return how a command ends and what it writes when nothing disturbs it."""

@@ -20,7 +20,7 @@ def maker():
 
 @pytest.fixture(scope="module")
 def record(maker):
-    return json.loads(maker.FAULTS_RECORD.read_text(encoding="utf-8"))
+    return json.loads(maker.RECORDS["faults"].read_text(encoding="utf-8"))
 
 
 def test_every_case_was_tried_and_survived(record):
@@ -29,9 +29,19 @@ def test_every_case_was_tried_and_survived(record):
 
 
 def test_the_page_tells_what_was_recorded(maker, record):
-    page = maker.FAULTS_PAGE.read_text(encoding="utf-8")
+    page = maker.RELIABILITY.read_text(encoding="utf-8")
 
-    assert maker.with_fault_table(page, record) == page
+    assert maker.with_tables(page, "faults", record) == page
+
+
+def test_the_page_tells_the_recorded_attempts_which_all_held(maker):
+    page = maker.RELIABILITY.read_text(encoding="utf-8")
+    attempts = json.loads(maker.RECORDS["attempts"].read_text(encoding="utf-8"))
+
+    assert [case["id"] for case in attempts["cases"] if not case["held"]] == []
+    assert maker.with_tables(page, "attempts", attempts) == page
+    worse = [{**case, "held": False} for case in attempts["cases"]]
+    assert maker.attempt_table({"cases": worse}) != maker.attempt_table(attempts)
 
 
 def test_a_case_that_was_not_survived_shows_in_the_table(maker, record):

@@ -44,7 +44,8 @@ def beside(victim, tmp_path, content=b""):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_pickle_in_disguise_is_not_run(kind, victims, tmp_path):
+def test_a_pickle_in_disguise_is_not_run(kind, victims, tmp_path, attempt):
+    attempt("files of every kind", "a pickle in disguise", "refused by the name of the file; nothing runs")
     trace = tmp_path / "ran"
     path = beside(victims[kind], tmp_path, pickle.dumps(Bomb(trace)))
     refuse(victims[kind], path)
