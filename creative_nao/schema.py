@@ -202,9 +202,9 @@ def load_json(kind: type[T], path: str | os.PathLike[str], what: str, largest: i
     return parse(kind, read_bytes(Path(path), what, largest), f"{what} {path}", what=what)
 
 
-def save_json(path: str | os.PathLike[str], instance: Any, indent: int | None = 2) -> Path:
-    """Write a record as JSON, in one step, and return the path."""
-    return write_text(path, json.dumps(dump(instance), indent=indent, allow_nan=False) + "\n")
+def save_json(path: str | os.PathLike[str], instance: Any, indent: int | None = 2, private: bool = False) -> Path:
+    """Write a record as JSON, as `storage.replacing` does, and return the path."""
+    return write_text(path, json.dumps(dump(instance), indent=indent, allow_nan=False) + "\n", private)
 
 
 def _accepting(annotation: Any) -> Any:

@@ -16,6 +16,7 @@ import os
 import platform
 import re
 import secrets
+import time
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,10 +41,11 @@ _NAME_CHARACTERS = 40
 
 
 @contextlib.contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+def replacing(path: str | os.PathLike[str], private: bool = False) -> Iterator[Path]:
     """Yield a temporary path beside `path`; when the block ends well, it takes the place of `path` in one step.
 
-    When the block raises, the temporary file is removed and `path` stays as it was. Missing folders are made.
+    When the block raises, the temporary file is removed and `path` stays as it was. Missing folders are made. Only
+    its owner may read a `private` file.
 
     Raises:
         OSError: If the file cannot be written; `filename` is then `path`.
@@ -56,7 +58,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         sweep(target.parent)
-        lock = _create(temporary)
+        lock = _create(temporary, 0o600 if private else 0o666)
         yield temporary
         with open(temporary, "rb") as written:
             os.fsync(written.fileno())
@@ -73,16 +75,16 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             os.close(lock)
 
 
-def write_bytes(path: str | os.PathLike[str], content: bytes) -> Path:
-    """Replace the content of `path` by `content` in one step and return the path."""
-    with replacing(path) as temporary:
+def write_bytes(path: str | os.PathLike[str], content: bytes, private: bool = False) -> Path:
+    """Replace the content of `path` by `content` in one step, as `replacing` does, and return the path."""
+    with replacing(path, private) as temporary:
         temporary.write_bytes(content)
     return Path(path)
 
 
-def write_text(path: str | os.PathLike[str], content: str) -> Path:
-    """Replace the content of `path` by `content` (UTF-8) in one step and return the path."""
-    return write_bytes(path, content.encode("utf-8"))
+def write_text(path: str | os.PathLike[str], content: str, private: bool = False) -> Path:
+    """Replace the content of `path` by `content` (UTF-8) in one step, as `replacing` does, and return the path."""
+    return write_bytes(path, content.encode("utf-8"), private)
 
 
 def sweep(folder: str | os.PathLike[str]) -> None:
@@ -102,29 +104,54 @@ def sweep(folder: str | os.PathLike[str]) -> None:
                     os.close(handle)
 
 
+def own_folder(folder: str | os.PathLike[str]) -> Path:
+    """Make a folder for what this user keeps, or close one that is there to all others, and return it."""
+    path = Path(folder)
+    path.mkdir(parents=True, exist_ok=True, mode=0o700)
+    with contextlib.suppress(OSError):  # another user's, or a file system without owners
+        path.chmod(0o700)
+    return path
+
+
+LOCK_S = 5.0
+"""How long a folder's lock is waited for: on a folder that others may read, anybody can hold it for ever."""
+
+
 @contextlib.contextmanager
-def alone(folder: str | os.PathLike[str]) -> Iterator[None]:
+def alone(folder: str | os.PathLike[str], deadline_s: float = LOCK_S) -> Iterator[None]:
     """While inside, other processes of this machine that ask for the same folder wait: to read a file and replace it.
 
     Where the system has no locks on folders, nobody waits. The folder is made if it is missing.
+
+    Raises:
+        TimeoutError: If another process has held the lock for `deadline_s` [s].
     """
     Path(folder).mkdir(parents=True, exist_ok=True)
     if fcntl is None:
         yield
         return
     handle = os.open(folder, os.O_RDONLY)
+    end = time.monotonic() + deadline_s
     try:
-        with contextlib.suppress(OSError):  # some network file systems have none
-            fcntl.flock(handle, fcntl.LOCK_EX)
+        while True:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > end:
+                    raise TimeoutError(errno.ETIMEDOUT, "another process holds its lock", os.fspath(folder)) from None
+                time.sleep(0.02)
+            except OSError:  # some network file systems have none
+                break
         yield
     finally:
         os.close(handle)
 
 
-def _create(temporary: Path) -> int:
+def _create(temporary: Path, mode: int) -> int:
     """Make the file and return a handle that holds its lock; -1 where there are no locks."""
     while True:
-        handle = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+        handle = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode)
         if fcntl is None:
             os.close(handle)
             return -1

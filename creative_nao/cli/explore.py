@@ -31,6 +31,8 @@ class ExploreSettings:
     """Port to listen on."""
     host: str = "127.0.0.1"
     """Address to listen on; with 0.0.0.0 other machines can reach the page, which has no password."""
+    allow_host: tuple[str, ...] = ()
+    """Names, besides this machine's own and `--host`, under which other machines may ask for the page."""
     open: bool = True
     """Open the page in your browser."""
     resolution: int = 200
@@ -78,7 +80,7 @@ def run(settings: ExploreSettings) -> int:
     if settings.host not in ("127.0.0.1", "localhost", "::1"):
         print("warning: other machines can reach this page, and it asks nobody for a password", file=sys.stderr)
     sys.stdout.flush()
-    serve(app_state, host=settings.host, port=settings.port, show=settings.open)
+    serve(app_state, host=settings.host, port=settings.port, show=settings.open, allowed=settings.allow_host)
     return 0
 
 

@@ -3,7 +3,8 @@
 docs/architecture.md follows a click through its files. Only what stands on the page needs the extra `explore`.
 """
 
-from creative_nao.explorer.memory_service import MemoryService, Recall
-from creative_nao.explorer.registry import cached_map
+import lazy_loader
 
-__all__ = ["MemoryService", "Recall", "cached_map"]
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__, submod_attrs={"memory_service": ["MemoryService", "Recall"], "registry": ["cached_map"]}
+)

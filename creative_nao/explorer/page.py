@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import tempfile
 import weakref
-from pathlib import Path, PurePath
 
 import numpy as np
 from nicegui import events, run, ui
 
-from creative_nao.errors import CreativeNaoError, FileFormatError
-from creative_nao.exchange import FORMATS, Motion, Recording, recognise, write
-from creative_nao.exchange.keys import to_motion
+from creative_nao.errors import CreativeNaoError
+from creative_nao.exchange import FORMATS
 from creative_nao.explorer.colours import NAMES, is_physical
 from creative_nao.explorer.map_pane import KEYS_HELP
 from creative_nao.explorer.markup import thumbnail
 from creative_nao.explorer.memory_service import (
-    MemoryService,
-    Recall,
     as_coordinate,
     less_like,
     more_like,
@@ -25,11 +20,11 @@ from creative_nao.explorer.memory_service import (
     surprise,
 )
 from creative_nao.explorer.physics_service import STATIC, player_controls
+from creative_nao.explorer.recordings import MAX_UPLOAD_BYTES, export, read_upload
 from creative_nao.explorer.registry import NONE
 from creative_nao.explorer.state import MAX_NOTE, Favourite
 from creative_nao.explorer.tab import STEP, Tab
 from creative_nao.explorer.view import ALL
-from creative_nao.joints import JOINTS
 
 POLL_S = 0.3
 
@@ -185,45 +180,6 @@ def movement_tools(tab: Tab) -> None:
         ui.button("Walk", on_click=walk).props("dense no-caps outline")
 
 
-MAX_UPLOAD_BYTES = 2_000_000
-MAX_TICKS = 2000
-
-
-def read_upload(name: str, content: bytes, dt_s: float) -> Recording:
-    """Read an uploaded movement at a tick [s]; of its name only a known ending counts, and no file is made.
-
-    Raises:
-        FileFormatError: If it is too large or too long, or holds no movement.
-        SettingsError: If its format is not recognised.
-    """
-    if len(content) > MAX_UPLOAD_BYTES:
-        raise FileFormatError(f"a recording may have {MAX_UPLOAD_BYTES} bytes, this one has {len(content)}")
-    ending = PurePath(name).suffix.lower()
-    known = any(ending in exchange_format.endings for exchange_format in FORMATS.values())
-    source = Path(f"recording{ending if known else '.csv'}")
-    format_name = recognise(source, content)
-    motion, notes = to_motion(FORMATS[format_name].read(source, content), source, dt_s, JOINTS)
-    if not 2 <= len(motion.angles) <= MAX_TICKS:
-        raise FileFormatError(
-            f"a recording should have 2 to {MAX_TICKS} ticks of {dt_s} s, but has {len(motion.angles)}"
-        )
-    return Recording(motion, format_name, notes)
-
-
-def export(recall: Recall, service: MemoryService, format_name: str) -> tuple[str, bytes, tuple[str, ...]]:
-    """Return file name, content and changes of a movement in one of the exchange formats.
-
-    A movement too fast or too wide is clipped and slowed down for formats that a robot plays, and kept otherwise.
-    """
-    chosen = FORMATS[format_name]
-    metadata = {"memory": service.memory.name, "pb": recall.points.tolist()}
-    motion = Motion(recall.trajectory, service.memory.dt_s, JOINTS, metadata if chosen.holds_metadata else {})
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"movement{chosen.endings[0]}"
-        written = write(path, motion, format_name, unsafe="clip" if chosen.for_robots else "keep")
-        return path.name, path.read_bytes(), written.changes
-
-
 def exchange(tab: Tab) -> None:
     """Lay out export and import."""
 
@@ -284,18 +240,18 @@ def favourites(tab: Tab) -> None:
     """Lay out the favourites; a removed one can be kept again at once."""
     session, removed = tab.app_state.session, list[Favourite]()
 
-    def remove(favourite: Favourite) -> None:
-        if tab.change_favourites(session.remove, favourite):
+    async def remove(favourite: Favourite) -> None:
+        if await tab.change_favourites(session.remove, favourite):
             undo.set_visibility(True)
             removed.append(favourite)
 
-    def restore() -> None:
-        if removed and tab.change_favourites(session.add, removed[-1]):
+    async def restore() -> None:
+        if removed and await tab.change_favourites(session.add, removed[-1]):
             removed.pop()
         undo.set_visibility(bool(removed))
 
-    def add() -> None:
-        tab.keep_favourite(note.value or "")
+    async def add() -> None:
+        await tab.keep_favourite(note.value or "")
         note.value = ""
 
     async def recall(favourite: Favourite) -> None:

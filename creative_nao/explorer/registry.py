@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from creative_nao import __version__, maps
+from creative_nao import __version__, maps, storage
 from creative_nao.envs.physical_map import PhysicalMap, fingerprint
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
 from creative_nao.explorer.colours import is_number, is_physical, needs_movements
@@ -41,7 +41,11 @@ def content_hash(memory: Memory) -> str:
 def cache_path(memory: Memory, resolution: int = PAPER_RESOLUTION) -> Path:
     """Return where the map of a memory is kept; another release of the package may score otherwise and has its own."""
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".cache"
-    folder = Path(os.environ.get(CACHE_VARIABLE) or Path(base) / "creative_nao") / "maps"
+    own, chosen = Path(base) / "creative_nao", os.environ.get(CACHE_VARIABLE)
+    if not chosen:
+        with contextlib.suppress(OSError):
+            storage.own_folder(own)
+    folder = Path(chosen or own) / "maps"
     return folder / f"{content_hash(memory)}-{resolution}-{__version__}.safetensors"
 
 

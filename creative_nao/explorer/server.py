@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ipaddress
 import socket
 from collections.abc import Iterable
 from contextlib import AsyncExitStack
@@ -50,38 +51,107 @@ class ConcurrencyLimit:
 
 
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
+EVERY_ADDRESS = ("0.0.0.0", "::", "")  # noqa: S104 - what `--host` may say, not what we bind to by ourselves
+MAX_BODY_BYTES = 4_000_000
+POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data:; connect-src 'self'; object-src 'none'; base-uri 'self'; form-action 'self'; "
+    "frame-ancestors 'none'"
+)
+HEADERS = (
+    (b"content-security-policy", POLICY.encode()),
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+)
 
 
-def is_welcome(headers: Iterable[tuple[bytes, bytes]]) -> bool:
-    """Tell whether a request names one of our hosts and comes from a page of ours, or from no page at all.
+def is_welcome(headers: Iterable[tuple[bytes, bytes]], hosts: Iterable[str], addresses: bool = False) -> bool:
+    """Tell whether a request names one of our `hosts` and comes from a page of ours, or from no page at all.
 
-    A foreign Host is a name that somebody pointed at this machine (DNS rebinding); a foreign Origin is another site's
-    page opening a socket here.
+    A foreign Host is a name that somebody pointed at this machine (DNS rebinding); a number is no name, so with
+    `addresses` any is taken. A foreign Origin, or a request that the browser says another site has made, is another
+    site's page asking here; only a link that the user follows may come from one.
     """
     values = {key.decode("latin-1").lower(): value.decode("latin-1") for key, value in headers}
     host, origin = values.get("host", ""), values.get("origin")
     try:
-        local = urlsplit(f"//{host}").hostname in LOCAL_HOSTS
-        return local and (origin is None or urlsplit(origin).netloc == host)
+        name = "" if "@" in host else urlsplit(f"//{host}").hostname or ""
+        ours = name in hosts or (addresses and _is_address(name))
+        if not ours or (origin is not None and urlsplit(origin).netloc.lower() != host.lower()):
+            return False
     except ValueError:
         return False
+    followed = values.get("sec-fetch-mode") == "navigate" and values.get("sec-fetch-dest") == "document"
+    return values.get("sec-fetch-site", "none") in ("none", "same-origin") or (followed and origin is None)
 
 
-class LocalOnly:
-    """ASGI middleware: 403 for what `is_welcome` refuses, for pages and sockets alike."""
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
+
+class Gate:
+    """ASGI middleware: 403 for what `is_welcome` refuses, 413 for too large a body, our headers on every answer."""
+
+    def __init__(self, app: ASGIApp, host: str = LOCAL_HOSTS[0], allowed: tuple[str, ...] = ()) -> None:
+        self._app, self._addresses = app, host in EVERY_ADDRESS
+        self._hosts = frozenset(name.lower() for name in (*LOCAL_HOSTS, *allowed, host) if name not in EVERY_ADDRESS)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer, or hand on."""
-        if scope["type"] not in ("http", "websocket") or is_welcome(scope["headers"]):
+        if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
+        elif not is_welcome(scope["headers"], self._hosts, self._addresses):
+            if scope["type"] == "websocket":
+                await send({"type": "websocket.close", "code": 1008})
+            else:
+                await _refuse(send, 403, b"This page answers only to its own host and its own pages.")
         elif scope["type"] == "websocket":
-            await send({"type": "websocket.close", "code": 1008})
+            await self._app(scope, receive, send)
         else:
-            await send({"type": "http.response.start", "status": 403, "headers": [(b"content-type", b"text/plain")]})
-            await send({"type": "http.response.body", "body": b"This page answers only to its own host."})
+            await self._answer(scope, receive, send)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        told = dict(scope["headers"]).get(b"content-length", b"0")
+        if not told.isdigit() or int(told) > MAX_BODY_BYTES:
+            await _refuse(send, 413, TOO_LARGE)
+            return
+        n_bytes, begun = 0, False
+
+        async def counted() -> Message:
+            nonlocal n_bytes
+            message = await receive()
+            n_bytes += len(message.get("body", b""))
+            return message if n_bytes <= MAX_BODY_BYTES else {"type": "http.disconnect"}
+
+        async def headed(message: Message) -> None:
+            nonlocal begun
+            if message["type"] == "http.response.start":
+                message = {**message, "headers": [*message.get("headers", ()), *HEADERS]}
+            if begun or n_bytes <= MAX_BODY_BYTES:
+                begun = True
+                await send(message)
+
+        try:
+            await self._app(scope, counted, headed)
+        except Exception:
+            if n_bytes <= MAX_BODY_BYTES:  # else the application was told that the client is gone
+                raise
+        if n_bytes > MAX_BODY_BYTES and not begun:
+            await _refuse(send, 413, TOO_LARGE)
+
+
+TOO_LARGE = b"A request may have %d bytes." % MAX_BODY_BYTES
+
+
+async def _refuse(send: Send, status: int, reason: bytes) -> None:
+    headers = [(b"content-type", b"text/plain"), (b"connection", b"close"), *HEADERS]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": reason})
 
 
 MAX_TABS = 200  # more are refused: each holds a page's worth of state
@@ -166,12 +236,14 @@ def claim_port(host: str, port: int) -> None:
         raise SettingsError(f"port {port} on {host} cannot be used: {reason}; choose another with --port") from error
 
 
-def serve(app_state: AppState, *, host: str, port: int, show: bool) -> None:
-    """Serve until Ctrl-C, and `show` the page; only with a `host` other than 127.0.0.1 can other machines reach it."""
+def serve(app_state: AppState, *, host: str, port: int, show: bool, allowed: tuple[str, ...] = ()) -> None:
+    """Serve until Ctrl-C, and `show` the page; only with a `host` other than 127.0.0.1 can other machines reach it.
+
+    `allowed` are names by which it may be asked for besides this machine's own and `host`.
+    """
     mount(app_state)
     app.add_middleware(ConcurrencyLimit, paths=PAGES)
-    if host in LOCAL_HOSTS:
-        app.add_middleware(LocalOnly)
+    app.add_middleware(Gate, host=host, allowed=allowed)
     app_state.registry.start()
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(

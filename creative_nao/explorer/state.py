@@ -88,9 +88,12 @@ class SessionFile:
 
 
 def default_path() -> Path:
-    """Return the session file of this user."""
+    """Return the session file of this user, in a folder that nobody else may enter."""
     base = os.environ.get("XDG_DATA_HOME") or os.environ.get("LOCALAPPDATA") or Path.home() / ".local" / "share"
-    return Path(base) / "creative_nao" / "explorer.json"
+    folder = Path(base) / "creative_nao"
+    with contextlib.suppress(OSError):  # a read-only place is told when something is to be kept there
+        storage.own_folder(folder)
+    return folder / "explorer.json"
 
 
 class Session:
@@ -126,7 +129,7 @@ class Session:
         with self._lock, storage.alone(self.path.parent):
             # A file that has vanished is written again from what is remembered here.
             favourites = change(_read(self.path) if self.path.exists() else self._favourites)
-            save_json(self.path, SessionFile(1, tuple(favourites)), indent=1)
+            save_json(self.path, SessionFile(1, tuple(favourites)), indent=1, private=True)
             self._favourites = favourites
 
 

@@ -266,20 +266,20 @@ class Tab:
         elif key == "u":
             await self.back()
         elif key == "s":
-            self.keep_favourite()
+            await self.keep_favourite()
 
-    def keep_favourite(self, note: str = "") -> None:
+    async def keep_favourite(self, note: str = "") -> None:
         """Keep the movement shown as a favourite."""
         if self.memory_panels[0].recall is not None:
             points = tuple((float(x), float(y)) for x, y in self.points)
             beside = self.memory_panels[1].loaded.name if len(self.memory_panels) > 1 else ""
             favourite = Favourite(self.first.key, points, note[:MAX_NOTE], beside)
-            self.change_favourites(self.app_state.session.add, favourite)
+            await self.change_favourites(self.app_state.session.add, favourite)
 
-    def change_favourites(self, change: Callable[[Favourite], None], favourite: Favourite) -> bool:
+    async def change_favourites(self, change: Callable[[Favourite], None], favourite: Favourite) -> bool:
         """Change the favourites and show them; tell the user when they cannot be written."""
         try:
-            change(favourite)
+            await run.io_bound(change, favourite)
         except (OSError, CreativeNaoError) as error:
             ui.notify(f"The favourites stay as they were: {error}", type="negative")
             return False

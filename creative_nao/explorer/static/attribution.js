@@ -62,9 +62,10 @@ export function strip(angles, memory) {
     const background = `linear-gradient(90deg,${shades.join(",")})`;
     return `<b style="left:${share(first)}%;width:${width}%;background:${background}">${width >= 4 ? letter(action) : ""}</b>`;
   });
+  const text = (name) => name.replace(/[&<>"']/g, (mark) => `&#${mark.charCodeAt(0)};`);
   const words = parts.map(({ end, action }, k) => {
     const until = k < parts.length - 1 ? ` to ${((end - 0.5) * memory.dt).toFixed(1)} s` : "";
-    return `${letter(action)} ${memory.names[action]}${until}`;
+    return `${letter(action)} ${text(memory.names[action])}${until}`;
   });
   return `<div class="cn-strip" aria-hidden="true">${blocks.join("")}<i class="cn-strip-cursor"></i></div>
     <div class="cn-legend cn-resembles">Resembles ${words.join(", then ")}.</div>`;

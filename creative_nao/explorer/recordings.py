@@ -1,0 +1,119 @@
+"""Movements in and out of the page: an upload is read by a process of its own that can be stopped; exports.
+
+`python -m creative_nao.explorer.recordings NAME TICK` reads an upload from its standard input and answers in JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError
+from creative_nao.exchange import FORMATS, Motion, Recording, recognise, write
+from creative_nao.exchange.keys import to_motion
+from creative_nao.joints import JOINTS
+
+if TYPE_CHECKING:  # reading an upload needs no network
+    from creative_nao.explorer.memory_service import MemoryService, Recall
+
+MAX_UPLOAD_BYTES = 2_000_000
+MAX_TICKS = 2000
+READ_S = 20.0
+"""How long reading an upload may take [s], most of which is starting the process on a busy machine."""
+READ_CPU_S, READ_MEMORY_BYTES = 10, 4_000_000_000
+
+
+def read_upload(name: str, content: bytes, dt_s: float, deadline_s: float = READ_S) -> Recording:
+    """Read an uploaded movement at a tick [s] in a process of its own; of its name only a known ending counts.
+
+    Raises:
+        FileFormatError: If it is too large or too long, holds no movement, or cannot be read in `deadline_s` [s].
+        SettingsError: If its format is not recognised.
+    """
+    shown = "".join(mark for mark in PurePath(name.replace("\\", "/")).name if mark.isprintable())[-60:] or "recording"
+    if len(content) > MAX_UPLOAD_BYTES:
+        raise FileFormatError(f"{shown}: a recording may have {MAX_UPLOAD_BYTES} bytes, this one has {len(content)}")
+    command = [sys.executable, "-P", "-m", "creative_nao.explorer.recordings", shown, repr(float(dt_s))]
+    try:
+        done = subprocess.run(command, input=content, capture_output=True, timeout=deadline_s, check=False)  # noqa: S603
+    except subprocess.TimeoutExpired:
+        raise FileFormatError(f"{shown}: reading it took more than {deadline_s:g} s and was stopped") from None
+    if done.returncode:
+        raise FileFormatError(f"{shown}: reading it took too much time or memory and was stopped")
+    answer = json.loads(done.stdout)
+    if "error" in answer:
+        kind = SettingsError if answer["kind"] == "SettingsError" else FileFormatError
+        raise kind(answer["error"])
+    return Recording(Motion(np.array(answer["angles"]), dt_s, JOINTS), answer["format"], tuple(answer["notes"]))
+
+
+def _read(name: str, content: bytes, dt_s: float) -> dict[str, Any]:
+    ending = PurePath(name).suffix.lower()
+    known = any(ending in exchange_format.endings for exchange_format in FORMATS.values())
+    source = Path(name if known else f"{name}.csv")
+    content, notes = _with_commas(content) if source.suffix == ".csv" else (content, ())
+    format_name = recognise(source, content)
+    motion, told = to_motion(FORMATS[format_name].read(source, content), source, dt_s, JOINTS)
+    if not 2 <= len(motion.angles) <= MAX_TICKS:
+        raise FileFormatError(
+            f"{source}: a recording should have 2 to {MAX_TICKS} ticks of {dt_s} s, but has {len(motion.angles)}"
+        )
+    return {"angles": motion.angles.tolist(), "format": format_name, "notes": [*notes, *told]}
+
+
+def _with_commas(content: bytes) -> tuple[bytes, tuple[str, ...]]:
+    """Return a table whose columns stand between semicolons, as spreadsheets write it, with commas; and say so."""
+    first = content.partition(b"\n")[0]
+    if b";" not in first or b"," in first:
+        return content, ()
+    return re.sub(rb"[,;]", lambda mark: b"." if mark[0] == b"," else b",", content), (
+        "columns stand between semicolons; a comma was read as the decimal point",
+    )
+
+
+def _limit() -> None:
+    try:
+        import resource
+    except ImportError:  # Windows: the deadline is all there is
+        return
+    resource.setrlimit(resource.RLIMIT_CPU, (READ_CPU_S, READ_CPU_S))
+    resource.setrlimit(resource.RLIMIT_AS, (READ_MEMORY_BYTES, READ_MEMORY_BYTES))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def main() -> int:
+    """Read an upload from standard input; print what it holds, or what is wrong with it, as JSON."""
+    _limit()
+    content = sys.stdin.buffer.read(MAX_UPLOAD_BYTES + 1)
+    try:
+        answer = _read(sys.argv[1], content, float(sys.argv[2]))
+    except CreativeNaoError as error:
+        answer = {"error": str(error), "kind": type(error).__name__}
+    sys.stdout.write(json.dumps(answer))
+    return 0
+
+
+def export(recall: Recall, service: MemoryService, format_name: str) -> tuple[str, bytes, tuple[str, ...]]:
+    """Return file name, content and changes of a movement in one of the exchange formats.
+
+    A movement too fast or too wide is clipped and slowed down for formats that a robot plays, and kept otherwise.
+    """
+    chosen = FORMATS[format_name]
+    metadata = {"memory": service.memory.name, "pb": recall.points.tolist()}
+    motion = Motion(recall.trajectory, service.memory.dt_s, JOINTS, metadata if chosen.holds_metadata else {})
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"movement{chosen.endings[0]}"
+        written = write(path, motion, format_name, unsafe="clip" if chosen.for_robots else "keep")
+        return path.name, path.read_bytes(), written.changes
+
+
+if __name__ == "__main__":
+    sys.exit(main())
