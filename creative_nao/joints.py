@@ -71,6 +71,8 @@ def joint_angles(values: Any, called: str, joints: tuple[str, ...], least: int =
         ShapeError: If they are no finite numbers of that shape.
     """
     try:
+        if isinstance(values, np.ma.MaskedArray):  # the angles under its mask would be taken for measured ones
+            raise TypeError
         angles = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise ShapeError(f"`{called}` should be an array of numbers, but is {type(values).__name__}.") from None

@@ -99,7 +99,7 @@ class Agent(ABC):
             )
         chosen = self.choose(observation)
         try:
-            pb = np.asarray(chosen, dtype=np.float32)
+            pb = None if isinstance(chosen, np.ma.MaskedArray) else np.asarray(chosen, dtype=np.float32)
         except (TypeError, ValueError):
             pb = None
         if pb is None or not context.action_space.contains(pb):

@@ -43,8 +43,9 @@ __all__ = [
     "register_environments",
 ]  # fmt: skip
 
-_NAMES = {f"CreativeNao/{name}-v0": f"{__name__}.boxing_envs:{name}" for name in
-          ("Boxing", "BoxingMental", "BoxingModulation")}  # fmt: skip
+_LENGTHS = {"Boxing": 30, "BoxingMental": 30, "BoxingModulation": 300}
+"""Steps of an episode of each, unless `n_actions` changes it."""
+_NAMES = {f"CreativeNao/{name}-v0": f"{__name__}.boxing_envs:{name}" for name in _LENGTHS}
 ENVIRONMENTS = {name: f"{path}Env" for name, path in _NAMES.items()}
 """Every environment of the project and the class behind it."""
 VECTOR_ENVIRONMENTS = {name: f"{path}VectorEnv" for name, path in _NAMES.items()}
@@ -55,9 +56,14 @@ def register_environments() -> None:
     """Register all environments; a second call changes nothing."""
     from gymnasium.envs.registration import register, registry
 
-    for name, entry_point in ENVIRONMENTS.items():
+    from creative_nao.envs.spec import EpisodeLength
+
+    for (name, entry_point), n_steps in zip(ENVIRONMENTS.items(), _LENGTHS.values(), strict=True):
         if name not in registry:
-            register(id=name, entry_point=entry_point, vector_entry_point=VECTOR_ENVIRONMENTS[name])
+            register(
+                name, entry_point, max_episode_steps=EpisodeLength(n_steps),
+                vector_entry_point=VECTOR_ENVIRONMENTS[name],
+            )  # fmt: skip
 
 
 TASKS: dict[str, Callable[..., Any]] = {

@@ -25,6 +25,7 @@ from creative_nao.errors import SettingsError, shown
 from creative_nao.measures import Criteria
 from creative_nao.model.config import check_kind
 from creative_nao.robot import PhysicalLimits, RobotVariation
+from creative_nao.schema import checked
 
 Kind = TypeVar("Kind", bound=RepertoireEnv)
 
@@ -181,7 +182,7 @@ class BoxingEnv(RepertoireEnv):
         overlay: bool = False,
         limits: PhysicalLimits | None = None,
     ) -> None:
-        self.limits = PhysicalLimits() if limits is None else limits
+        self.limits = checked(PhysicalLimits | None, limits, "limits") or PhysicalLimits()
         super().__init__(memory, n_actions, render_mode, criteria, overlay)
 
     @property
@@ -260,8 +261,8 @@ class BoxingModulationEnv(RepertoireEnv):
         physics: bool = False,
         limits: PhysicalLimits | None = None,
     ) -> None:
-        self.physics = physics
-        self.limits = PhysicalLimits() if limits is None else limits
+        self.physics = checked(bool, physics, "physics")
+        self.limits = checked(PhysicalLimits | None, limits, "limits") or PhysicalLimits()
         super().__init__(memory, n_actions, render_mode, criteria, overlay)
 
 
@@ -284,7 +285,7 @@ class BoxingVectorEnv(RepertoireVectorEnv):
     physics = True
 
     def __init__(self, num_envs: int = 1, *, limits: PhysicalLimits | None = None, **arguments: Any) -> None:
-        self.limits = PhysicalLimits() if limits is None else limits
+        self.limits = checked(PhysicalLimits | None, limits, "limits") or PhysicalLimits()
         super().__init__(num_envs, **arguments)
 
 
@@ -301,7 +302,7 @@ class BoxingModulationVectorEnv(BoxingVectorEnv):
     _modulated = True
 
     def __init__(self, num_envs: int = 1, *, physics: bool = False, **arguments: Any) -> None:
-        self.physics = physics
+        self.physics = checked(bool, physics, "physics")
         super().__init__(num_envs, **arguments)
 
 

@@ -27,7 +27,6 @@ from creative_nao.measures import Criteria
 from creative_nao.measures._dtw_kernels import measure_rows
 from creative_nao.measures.outcome import ALL_OUTCOMES, APPROPRIATE, NO_FAULT, OUTCOME_CODE, outcome_codes
 from creative_nao.model import Memory
-from creative_nao.model.config import check_kind
 from creative_nao.robot import PhysicalLimits
 from creative_nao.schema import Count, checked
 
@@ -56,7 +55,7 @@ class EpisodeBatch:
 
     Raises:
         NotFoundError: If there is no such memory.
-        SettingsError: If `n_actions` is below 1, the render mode is unknown, or the memory does not suit.
+        SettingsError: If an argument is of a wrong kind or out of range, or the memory does not suit.
     """
 
     def __init__(
@@ -73,10 +72,8 @@ class EpisodeBatch:
         overlay: bool = False,
     ) -> None:
         self.n_actions = checked(Count, n_actions, "n_actions")
-        self.criteria = Criteria() if criteria is None else criteria
-        check_kind(Criteria, self.criteria, "criteria")
-        if limits is not None:
-            check_kind(PhysicalLimits, limits, "limits")
+        self.criteria = checked(Criteria | None, criteria, "criteria") or Criteria()
+        limits = checked(PhysicalLimits | None, limits, "limits")
         self.shared = SharedScene()
         self.recorder = Recorder(self.shared, render_mode, overlay, n_envs)
         self.threads = ThreadPool(n_threads)

@@ -13,6 +13,7 @@ from creative_nao.errors import NotFoundError, SettingsError, ShapeError, neares
 from creative_nao.measures import Criteria, excursion_limit, reward_scale, speed_limits
 from creative_nao.measures.outcome import SPEED_TOLERANCE
 from creative_nao.model import SPLITS, load_memory, split_memories
+from creative_nao.schema import checked
 
 
 @runtime_checkable
@@ -57,7 +58,9 @@ class RewardSpec:
 
     def __init__(self, memory: GeneratingMemory, criteria: Criteria) -> None:
         self.memory: Any = memory
-        self.demonstrations = basic = memory.demonstrations
+        self.demonstrations = basic = checked(Demonstrations, memory.demonstrations, "memory.demonstrations")
+        if np.ndim(checked(np.ndarray, memory.pb, "memory.pb")) != 2:
+            raise ShapeError(f"`memory.pb` should have shape (n_actions, n_pb), but has {memory.pb.shape}")
         self.name = str(getattr(memory, "name", ""))
         self.n_pb = memory.pb.shape[1]
         self.n_steps = max(len(trajectory) for trajectory in basic.trajectories)

@@ -11,17 +11,19 @@ from gymnasium.spaces import Box
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS, EpisodeBatch
 from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
+from creative_nao.envs.spec import Specified
 from creative_nao.envs.state import EnvState, generator_from, generator_state
 from creative_nao.envs.viewing import RENDER_MODES
-from creative_nao.errors import SettingsError, ShapeError, shown
+from creative_nao.errors import SettingsError, ShapeError, nearest_name
 from creative_nao.measures import Criteria
 from creative_nao.robot import PhysicalLimits
+from creative_nao.schema import Seed, checked
 
 _ENV_IDS = np.zeros(1, np.int64)
 """A single environment is number 0 of an `EpisodeBatch` of one."""
 
 
-class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
+class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """Base of the boxing environments: generates, has the action executed, scores it and keeps the repertoire.
 
     Args:
@@ -29,12 +31,12 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
             ``validation`` or ``test``, from which every episode draws one.
         n_actions: Actions in an episode.
         render_mode: One of ``metadata["render_modes"]`` or None.
-        criteria: Where the lines between outcomes are drawn; default: the paper's.
+        criteria: Where the lines between outcomes are drawn, also as a dictionary; default: the paper's.
         overlay: Whether colour frames carry a caption: outcome, nearest basic action, reward.
 
     Raises:
         NotFoundError: If there is no such memory.
-        SettingsError: If `n_actions` is below 1, the render mode is unknown or the memory does not suit.
+        SettingsError: If an argument is of a wrong kind or out of range, or the memory does not suit.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as in gym.Env
@@ -60,7 +62,7 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
             limits=self.limits if self.physics else None, render_mode=render_mode, overlay=overlay,
         )  # fmt: skip
         self.render_mode = render_mode
-        self.n_actions = n_actions
+        self.n_actions = self._batch.n_actions
         self.criteria = self._batch.criteria
         self.observation_space = self._batch.observation_space
         self.action_space = Box(-1.0, 1.0, (self._batch.memories.first.n_pb,), np.float32)
@@ -93,10 +95,12 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
             The observation and an `info` with the name of the memory.
 
         Raises:
+            SettingsError: If the seed is none, or there is no such option.
             NotFoundError: If the memory in `options` is not of the split that the environment was made with.
         """
-        super().reset(seed=seed)
-        self._batch.reset(0, checked_options(options).get("memory"), lambda: self.np_random)
+        wanted = checked_options(options, ("memory",)).get("memory")
+        super().reset(seed=checked(Seed | None, seed, "seed"))
+        self._batch.reset(0, wanted, lambda: self.np_random)
         return self._batch.observations.vector(), {"memory": self._batch.specs[0].name}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -110,8 +114,11 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
 
         Raises:
             ShapeError: If the action does not have shape (n_pb,) or is not finite.
+            SettingsError: If the episode has ended.
         """
         batch = self._batch
+        if batch.n_done[0] >= self.n_actions:
+            raise SettingsError(f"the episode has ended after {self.n_actions} movements; begin another with `reset`")
         pb = checked_pb(action, self.action_space.shape)[None]
         rewards, terms, finished, finished_terms = batch.step(_ENV_IDS, pb)
         truncated = int(batch.n_done[0]) >= self.n_actions
@@ -160,11 +167,14 @@ class RepertoireEnv(gym.Env[np.ndarray, np.ndarray]):
         self._np_random = generator_from(state.values["random"])
 
 
-def checked_options(options: Any) -> dict[str, Any]:
-    """Return the options of `reset`, an empty dictionary for None; what is no dictionary raises SettingsError."""
-    if not isinstance(options, dict | None):
-        raise SettingsError(f"`options` should be a dictionary or None, but is {shown(options)}")
-    return options or {}
+def checked_options(options: Any, known: tuple[str, ...]) -> dict[str, Any]:
+    """Return the options of `reset`, an empty dictionary for None; what is no dictionary of `known` ones is refused."""
+    for name in (chosen := checked(dict[str, Any] | None, options, "options") or {}):
+        if name not in known:
+            raise SettingsError(
+                f"`options`: no option `{name}`{nearest_name(name, known)}; there are {', '.join(known)}"
+            )
+    return chosen
 
 
 def checked_pb(action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
@@ -173,7 +183,7 @@ def checked_pb(action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
         pb = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError):
         pb = np.empty(0)
-    if pb.shape != shape or not np.isfinite(pb).all():
+    if pb.shape != shape or not np.isfinite(pb).all() or isinstance(action, np.ma.MaskedArray):
         what = "a finite PB vector" if len(shape or ()) == 1 else "finite PB vectors"
         raise ShapeError(f"`action` should be {what} of shape {shape}, but is {action!r:.200}")
     return np.minimum(np.maximum(pb, -1.0), 1.0)

@@ -18,6 +18,7 @@ from creative_nao.envs.episode_batch import EPISODE_ACTIONS, EpisodeBatch
 from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
 from creative_nao.envs.repertoire_env import checked_options, checked_pb
+from creative_nao.envs.spec import EpisodeLength, Specified
 from creative_nao.envs.state import EnvState, generator_from, generator_state
 from creative_nao.envs.viewing import RENDER_MODES
 from creative_nao.errors import SettingsError
@@ -27,7 +28,7 @@ from creative_nao.robot import PhysicalLimits
 from creative_nao.schema import Count, Seed, checked
 
 
-class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarray]):  # pyright: ignore[reportIncompatibleVariableOverride]
     """Base of the vector environments.
 
     Args:
@@ -42,10 +43,11 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             Gymnasium does by default), `SAME_STEP` (the new one begins at once, the old one's end is in `final_obs` and
             `final_info`) or `DISABLED` (`reset(options={"reset_mask": mask})` begins it).
         n_threads: Threads; None for one a processor core.
+        max_episode_steps: Handed over by `gymnasium.make_vec`; the length of an episode is set by `n_actions` alone.
 
     Raises:
         NotFoundError: If there is no such memory.
-        SettingsError: If a setting is out of range.
+        SettingsError: If a setting is of a wrong kind or out of range.
     """
 
     _single_name = ""
@@ -64,6 +66,7 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         overlay: bool = False,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         n_threads: int | None = None,
+        max_episode_steps: int | None = None,
     ) -> None:
         num_envs = checked(Count, num_envs, "num_envs")
         if render_mode == "human":
@@ -78,7 +81,10 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             limits=self.limits if self.physics else None,
             n_threads=n_threads, render_mode=render_mode, overlay=overlay,
         )  # fmt: skip
-        self.num_envs, self.n_actions, self.render_mode = num_envs, n_actions, render_mode
+        self.num_envs, self.n_actions, self.render_mode = num_envs, self._batch.n_actions, render_mode
+        length = None if isinstance(max_episode_steps, EpisodeLength) else max_episode_steps
+        if checked(Count | None, length, "max_episode_steps") not in (None, n := self.n_actions * self.n_decisions):
+            raise SettingsError(f"`max_episode_steps` should be {n}, as `n_actions` sets it, but is {length}")
         self.metadata = {
             "render_modes": [mode for mode in RENDER_MODES if mode != "human"],
             "render_fps": round(1 / FRAME_DT_S),
@@ -91,6 +97,11 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._random: list[np.random.Generator | None] = [None] * num_envs
         self._ended = np.zeros(num_envs, bool)
+
+    @property
+    def n_decisions(self) -> int:
+        """Steps that one action takes."""
+        return self._batch.n_decisions
 
     @property
     def memories(self) -> tuple[Any, ...]:
@@ -121,7 +132,7 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             NotFoundError: If there is no such memory in this environment.
         """
         if isinstance(seed, list):
-            seeds = seed
+            seeds = checked(list[Seed | None], seed, "seed")
         else:
             first = checked(Seed | None, seed, "seed")
             seeds = [None if first is None else first + k for k in range(self.num_envs)]
@@ -129,7 +140,7 @@ class RepertoireVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             raise SettingsError(
                 f"`seed` should hold {self.num_envs} seeds, one per sub-environment, but holds {len(seeds)}"
             )
-        chosen = dict(checked_options(options))
+        chosen = dict(checked_options(options, ("memory", "reset_mask")))
         mask = np.asarray(chosen.pop("reset_mask", np.ones(self.num_envs, bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
             raise SettingsError(

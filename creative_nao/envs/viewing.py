@@ -12,6 +12,7 @@ import numpy as np
 
 from creative_nao.envs.executors import FRAME_DT_S, Execution, SharedScene
 from creative_nao.errors import MissingDependencyError, SettingsError
+from creative_nao.schema import checked
 
 if TYPE_CHECKING:
     from creative_nao.robot.rendering import Renderer
@@ -56,9 +57,9 @@ class Recorder:
     """
 
     def __init__(self, shared: SharedScene, mode: str | None, overlay: bool = False, n_envs: int = 1) -> None:
-        if mode is not None and mode not in RENDER_MODES:
+        if checked(str | None, mode, "render_mode") is not None and mode not in RENDER_MODES:
             raise SettingsError(f"`render_mode` should be one of {', '.join(RENDER_MODES)} or None, but is {mode!r}")
-        self._shared, self.mode, self._overlay = shared, mode, overlay
+        self._shared, self.mode, self._overlay = shared, mode, checked(bool, overlay, "overlay")
         self._movements: list[list[tuple[Execution, str]]] = [[] for _ in range(n_envs)]
         self._renderer: Renderer | None = None
         self._window: Any = None

@@ -35,7 +35,7 @@ _threads_started_in: int | None = None
 def as_numbers(values: object, name: str) -> np.ndarray:
     """Return an argument as an array of float64; anything but numbers is a ShapeError."""
     found = _as_array(values)
-    if found.dtype.kind not in "fiub" or isinstance(values, np.ma.MaskedArray):
+    if found.dtype.kind not in "fiub" or isinstance(found, np.ma.MaskedArray):
         raise ShapeError(f"`{name}` should be an array of numbers, but is {shown(values)}.")
     return found.astype(np.float64, copy=False)
 
@@ -144,10 +144,10 @@ def _fill(a: _Packed, b: _Packed, *, symmetric: bool, names: tuple[str, str]) ->
 def _packed(series: Trajectories, name: str, dtype: np.dtype[Any], single: bool = False) -> _Packed:
     """Check trajectories and lay them out for the kernel, with zeros as further joints up to a multiple of eight."""
     if isinstance(series, np.ndarray):
-        if series.ndim != 3 or series.dtype.kind not in "fiu":
+        if series.ndim != 3 or series.dtype.kind not in "fiu" or isinstance(series, np.ma.MaskedArray):
             raise ShapeError(
                 f"`{name}` should be a list of (n_steps, n_joints) arrays or one (n, n_steps, n_joints) array "
-                f"of numbers, but has shape {series.shape} and type {series.dtype}."
+                f"of numbers, but has {_told(series)}."
             )
         arrays, lengths, n_joints = [series], np.full(len(series), series.shape[1]), series.shape[2]
     else:
@@ -192,18 +192,25 @@ def _trajectory(given: ArrayLike, name: str) -> np.ndarray:
     array = _as_array(given)
     if array.dtype.kind in "iu":
         array = array.astype(np.float64)
-    if array.ndim != 2 or array.dtype.kind != "f":
+    if array.ndim != 2 or array.dtype.kind != "f" or isinstance(array, np.ma.MaskedArray):
         raise ShapeError(
-            f"`{name}` should be an array of numbers of shape (n_steps, n_joints), "
-            f"but has shape {array.shape} and type {array.dtype}."
+            f"`{name}` should be an array of numbers of shape (n_steps, n_joints), but has {_told(array)}."
         )
     return array
 
 
+def _told(array: np.ndarray) -> str:
+    mask = "a mask, " if isinstance(array, np.ma.MaskedArray) else ""
+    return f"{mask}shape {array.shape} and type {array.dtype}"
+
+
 def _as_array(values: object) -> np.ndarray:
-    """Return values as an array; an empty one of objects, which no check lets pass, where NumPy makes none of them."""
+    """Return values as an array; an empty one of objects, which no check lets pass, where NumPy makes none of them.
+
+    A masked array stays one and is refused, for what a mask hides cannot be compared.
+    """
     try:
-        return np.asarray(values)
+        return values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
     except (TypeError, ValueError, RuntimeError):
         return np.empty(0, dtype=object)
 
@@ -242,11 +249,8 @@ def _places(given: ArrayLike, name: str, n: int) -> np.ndarray:
     places = _as_array(given)
     if not places.size and places.dtype.kind == "f":  # an empty list
         places = places.astype(np.int64)
-    if places.ndim != 1 or places.dtype.kind not in "iu":
-        raise ShapeError(
-            f"`{name}` should be a list of places in `trajectories`, but has shape {places.shape} and type "
-            f"{places.dtype}."
-        )
+    if places.ndim != 1 or places.dtype.kind not in "iu" or isinstance(places, np.ma.MaskedArray):
+        raise ShapeError(f"`{name}` should be a list of places in `trajectories`, but has {_told(places)}.")
     refuse_where((places < 0) | (places >= n), places, name, f"places from 0 to {n - 1}")
     return places.astype(np.int64)
 

@@ -208,3 +208,23 @@ def test_it_works_where_no_folder_can_be_written(tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stdout == "2.0\n", done.stderr
+
+
+def test_masked_arrays_are_refused():
+    """What a mask hides is not known; the number under it would be compared."""
+    from creative_nao.demonstrations import Demonstrations
+    from creative_nao.measures import mean_pairwise_distance
+    from creative_nao.measures.dtw import dtw_pairs
+
+    one, gap = np.zeros((3, 8)), np.ma.masked_array(np.zeros((3, 8)), mask=np.eye(3, 8, dtype=bool))
+    for call in (
+        lambda: dtw(gap, one),
+        lambda: dtw(one, gap),
+        lambda: dtw_matrix([one, gap]),
+        lambda: dtw_matrix(np.ma.stack([one, gap])),
+        lambda: dtw_pairs(np.ma.stack([one, gap]), [0], [1]),
+        lambda: mean_pairwise_distance([one, gap]),
+        lambda: Demonstrations(("a",), [gap]),
+    ):
+        with pytest.raises(ShapeError, match=r"has a mask|MaskedArray"):
+            call()

@@ -1,0 +1,82 @@
+"""What Gymnasium is told of an environment before and after it is made: its length, its arguments as JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from typing import Any
+
+from gymnasium.envs.registration import EnvSpec
+
+from creative_nao.errors import SettingsError
+
+
+class EpisodeLength(int):
+    """Steps of an episode as a registered environment tells them: `gymnasium.spec(name).max_episode_steps`.
+
+    The environments end their episodes themselves. Gymnasium's TimeLimit, which this number brings along, would know
+    neither the argument `n_actions` nor that `set_state` takes steps back; so no count of steps is at or beyond it.
+    """
+
+    __slots__ = ()
+
+    def __le__(self, other: object) -> bool:
+        return False
+
+
+class EpisodeSpec(EnvSpec):
+    """Specification of a made environment; `max_episode_steps` is the length of its own episodes."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name == "max_episode_steps" and isinstance(value, EpisodeLength)):  # of the registered environment
+            super().__setattr__(name, value)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, EnvSpec) and vars(self) == vars(other)
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
+
+    def to_json(self) -> str:
+        """Return it as JSON, from which ``EnvSpec.from_json`` makes an equal one.
+
+        Raises:
+            SettingsError: If an argument is no JSON, such as a memory that is neither a name nor a file.
+        """
+        for name, value in self.kwargs.items():
+            settings: Any = value
+            try:
+                json.dumps(dataclasses.asdict(settings) if dataclasses.is_dataclass(settings) else value)
+            except (TypeError, ValueError):
+                raise SettingsError(
+                    f"`{name}` should be a name, a file or other JSON, for the environment to be described as JSON, "
+                    f"but is a {type(value).__name__}"
+                ) from None
+        return super().to_json()
+
+
+class Specified:
+    """Base of an environment that tells the length of its episodes in its `spec`."""
+
+    _spec: EpisodeSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What the environment was made with by `gymnasium.make` or `make_vec`, else None."""
+        return self._spec
+
+    @spec.setter
+    def spec(self: Any, spec: EnvSpec | None) -> None:
+        if spec is None:
+            self._spec = None
+            return
+        values: dict[str, Any] = {
+            field.name: getattr(spec, field.name) for field in dataclasses.fields(spec) if field.init
+        }
+        values["max_episode_steps"] = self.n_actions * self.n_decisions
+        values["kwargs"] = {
+            name: os.fspath(value) if isinstance(value, os.PathLike) else value
+            for name, value in spec.kwargs.items()
+            if name != "max_episode_steps"
+        }
+        self._spec = EpisodeSpec(**values)
