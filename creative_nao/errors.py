@@ -55,6 +55,10 @@ class TrainingError(CreativeNaoError, ArithmeticError):
     """Training could not go on: the loss is no longer a finite number."""
 
 
+class RecallWarning(UserWarning):
+    """A trained memory does not give every basic action back; the message names them and says what to try."""
+
+
 def nearest_name(name: str, known: Iterable[str]) -> str:
     """Return `` (did you mean `x`?)`` for the known name most like `name`, else an empty string."""
     matches = difflib.get_close_matches(str(name)[:100], [word for word in known if len(word) <= 100], n=1, cutoff=0.5)

@@ -25,6 +25,11 @@ TOGETHER = ("tests/explorer/", "tests/evaluation/test_")
 """What begins so is run by one worker: these tests share a server and a browser, and a finished run."""
 
 
+def pytest_configure(config):
+    """Many tests train for a few epochs; that too little is recalled then is no finding."""
+    config.addinivalue_line("filterwarnings", "ignore::creative_nao.errors.RecallWarning")
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
     """Give each file to one worker, as `--dist loadfile` does, and all files of `TOGETHER` to the same."""

@@ -13,8 +13,17 @@ from creative_nao import storage
 from creative_nao.cli.terminal import Display, changed_flags, print_result, refuse_leftovers, stopped_by_signals
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.errors import SettingsError, TrainingError
-from creative_nao.measures import Criteria
-from creative_nao.model import CONDITIONS, NetworkSettings, Trained, TrainingSettings, checkpoint_of, train_many
+from creative_nao.model import (
+    CONDITIONS,
+    NetworkSettings,
+    RecallReport,
+    Trained,
+    TrainingSettings,
+    checkpoint_of,
+    condition_settings,
+    train_many,
+)
+from creative_nao.model.config import attempts
 from creative_nao.model.training import TrainingState
 from creative_nao.runtime import record
 from creative_nao.schema import Count, checked
@@ -33,6 +42,9 @@ class TrainSettings:
     half-0.safetensors and training.json."""
     demonstrations: Path | None = None
     """Folder of CSV recordings, one basic action each; default: the six shipped boxing actions."""
+    condition: tuple[Literal["open", "half", "closed", "auto"], ...] = ()
+    """Instead of --closed-loop-ratio: `open`, `half` or `closed`, the paper's ratios; or `auto`, for recordings of any
+    length, which trains again from other weights until every action comes back. Several: a network each."""
     closed_loop_ratio: tuple[float, ...] = (0.5,)
     """Share of its own prediction in the network's input: 0 open, 0.5 half closed, 1 closed loop. Several: a network
     each."""
@@ -41,7 +53,7 @@ class TrainSettings:
     anneal_epochs: int = 50_000
     """Epochs over which an annealed ratio rises."""
     n_epochs: int = 100_000
-    """Passes over all actions; the epoch with the lowest loss is kept."""
+    """Passes over all actions, of `auto` in all attempts together; the epoch with the lowest loss is kept."""
     learning_rate: float = 0.001
     """Step size of Adam."""
     seed: tuple[int, ...] = (0,)
@@ -75,7 +87,9 @@ def run(settings: TrainSettings) -> int:
 
         def show(training: TrainingSettings, state: TrainingState) -> None:
             note = f"loss {state.loss_history[-1]:.3g}, best {state.best_loss:.3g}"
-            display.show(_label(training), state.epoch, note)
+            asked = next(one for one in wanted if training in attempts(one))
+            before = sum(one.n_epochs for one in attempts(asked)[: training.attempt - 1])
+            display.show(_label(asked), before + state.epoch, note)
 
         with stopped_by_signals() as stop:
             trained = train_many(
@@ -104,24 +118,32 @@ def run(settings: TrainSettings) -> int:
 
 def file_stem(training: TrainingSettings) -> str:
     """Return the name of a network's file without ending: condition and seed, such as ``half-0``."""
+    if training.condition == "auto":
+        return f"auto-{training.seed}"
     names = {ratio: name for name, ratio in CONDITIONS.items()}
     return f"{names.get(training.closed_loop_ratio, f'ratio{training.closed_loop_ratio:g}')}-{training.seed}"
 
 
 def _label(training: TrainingSettings) -> str:
-    return f"ratio {training.closed_loop_ratio:g}, seed {training.seed}"
+    return f"{_condition(training)}, seed {training.seed}"
+
+
+def _condition(training: TrainingSettings) -> str:
+    return "auto" if training.condition == "auto" else f"ratio {training.closed_loop_ratio:g}"
 
 
 def _wanted(settings: TrainSettings) -> list[TrainingSettings]:
     names = ("schedule", "anneal_epochs", "n_epochs", "learning_rate", "engine")
     shared = {name: getattr(settings, name) for name in names}
-    wanted = [
-        TrainingSettings(ratio, seed=seed, **shared) for seed in settings.seed for ratio in settings.closed_loop_ratio
-    ]
+    if settings.condition and settings.closed_loop_ratio != (0.5,):
+        raise SettingsError("--condition and --closed-loop-ratio say the same thing: leave out one of them")
+    chosen = [condition_settings(name, {}) for name in settings.condition]
+    chosen = chosen or [{"closed_loop_ratio": ratio} for ratio in settings.closed_loop_ratio]
+    wanted = [TrainingSettings(seed=seed, **one, **shared) for seed in settings.seed for one in chosen]
     if not wanted:
         raise SettingsError("--seed and --closed-loop-ratio should name at least one value each")
     if len(set(wanted)) < len(wanted):
-        raise SettingsError("--seed and --closed-loop-ratio should not repeat a value")
+        raise SettingsError("--seed, --condition and --closed-loop-ratio should not repeat a value")
     checked(Count | None, settings.n_workers, "--n-workers")
     return wanted
 
@@ -131,7 +153,10 @@ def _command(settings: TrainSettings) -> str:
     words = ["creative-nao train"]
     if settings.demonstrations is not None:
         words.append(f"--demonstrations {settings.demonstrations.name}")
-    words.append("--closed-loop-ratio " + " ".join(f"{ratio:g}" for ratio in settings.closed_loop_ratio))
+    if settings.condition:
+        words.append("--condition " + " ".join(settings.condition))
+    else:
+        words.append("--closed-loop-ratio " + " ".join(f"{ratio:g}" for ratio in settings.closed_loop_ratio))
     if settings.schedule != "constant":
         words.append(f"--schedule {settings.schedule}")
     words += [f"--n-epochs {settings.n_epochs}", "--seed " + " ".join(map(str, settings.seed))]
@@ -143,17 +168,22 @@ def _command(settings: TrainSettings) -> str:
 def _figures(trained: Trained, demonstrations: Demonstrations) -> dict[str, object]:
     found: dict[str, object] = {
         "name": file_stem(trained.training),
+        "condition": _condition(trained.training),
         "closed_loop_ratio": trained.training.closed_loop_ratio,
         "seed": trained.training.seed,
         "succeeded": trained.succeeded(),
         "failure": trained.failure,
     }
     if trained.memory is not None:
+        recall = RecallReport.of(trained.memory)
         found |= {
+            "closed_loop_ratio": trained.memory.closed_loop_ratio,
+            "verdict": str(recall),
+            "attempts": trained.memory.record.get("attempts", []),
             "best_loss": trained.memory.best_loss,
             "best_epoch": trained.memory.best_epoch,
             "pb": dict(zip(demonstrations.names, trained.memory.pb.tolist(), strict=True)),
-            "reproduction_dtw": dict(zip(demonstrations.names, trained.reproduction(), strict=True)),
+            "reproduction_dtw": recall.distances,
         }
     return found
 
@@ -163,10 +193,15 @@ def _lines_of_one(figures: dict, settings: TrainSettings) -> Iterator[str]:
     for name, distance in figures["reproduction_dtw"].items():
         pb = ", ".join(f"{value:+.3f}" for value in figures["pb"][name])
         yield f"  {name:<16} PB ({pb})   comes back within DTW {distance:.2f}"
-    threshold = Criteria().learned_threshold
-    n_back = sum(distance <= threshold for distance in figures["reproduction_dtw"].values())
-    n_all = len(figures["reproduction_dtw"])
-    yield f"{n_back} of {n_all} basic actions come back within DTW {threshold:g} in closed loop"
+    yield from _told(figures)
+    yield figures["verdict"]
+
+
+def _told(figures: dict) -> Iterator[str]:
+    """Tell the attempts of `auto` that came before the last."""
+    for one in figures["attempts"][:-1]:
+        worst = one.get("failure") or f"worst DTW {max(one['reproduction_dtw'].values()):.2f}"
+        yield f"  attempt {one['attempt']} of {one['n_epochs']:,} epochs: {worst}"
 
 
 def _lines_of_many(figures: list[dict], settings: TrainSettings) -> Iterator[str]:
@@ -178,7 +213,10 @@ def _lines_of_many(figures: list[dict], settings: TrainSettings) -> Iterator[str
         worst = max(row["reproduction_dtw"].values())
         back = "yes" if row["succeeded"] else "no"
         yield f"{row['name']:<16} {row['best_loss']:>8.3f} {worst:>10.2f}  {back}"
-    for ratio in settings.closed_loop_ratio:
-        succeeded = [row["succeeded"] for row in figures if row["closed_loop_ratio"] == ratio]
-        yield f"ratio {ratio:g}: {sum(succeeded)} of {len(succeeded)} networks give every basic action back"
+    for name in dict.fromkeys(row["condition"] for row in figures):
+        succeeded = [row["succeeded"] for row in figures if row["condition"] == name]
+        yield f"{name}: {sum(succeeded)} of {len(succeeded)} networks give every basic action back"
+    for row in figures:
+        if not row["succeeded"] and row["failure"] is None:
+            yield f"{row['name']}: {row['verdict']}"
     yield f"written: {settings.out}/"

@@ -26,7 +26,8 @@ from creative_nao.maps.figure_style import action_letter
 from creative_nao.measures import Criteria
 from creative_nao.model import Memory, NetworkSettings, TrainingSettings
 from creative_nao.model.encoding import encoding_of
-from creative_nao.model.training import TrainingState, memory_at, reproduction, train_network
+from creative_nao.model.recall import reproduction
+from creative_nao.model.training import TrainingState, memory_at, train_network
 from creative_nao.runtime import usable_cores
 
 MAX_EPOCHS = 300_000  # where a training ends, however often it goes on

@@ -14,13 +14,17 @@ from .memory import (
     split_of,
     walk,
 )
+from .recall import (
+    RecallReport,
+    Trained,
+    condition_settings,
+    reproduction,
+)
 from .recognition import (
     Recognition,
 )
 from .training import (
-    Trained,
     checkpoint_of,
-    reproduction,
     train,
     train_many,
     train_network,
@@ -31,11 +35,13 @@ __all__ = [
     "SPLITS",
     "Memory",
     "NetworkSettings",
+    "RecallReport",
     "Recognition",
     "Trained",
     "TrainingSettings",
     "Walk",
     "checkpoint_of",
+    "condition_settings",
     "load_memory",
     "reproduction",
     "shipped_memories",

@@ -76,6 +76,42 @@ class TrainingSettings:
     """Seed of the initial weights; nothing else in training is random."""
     engine: Literal["fused", "reference"] = "fused"
     """`fused`: compiled epoch with hand-derived gradients; `reference`: readable torch autograd, slower."""
+    first_input: Literal["own", "mean"] = "own"
+    """What the network reads at tick 0 of training: each action's own first posture, as in the paper, or the mean of
+    them, as in generation."""
+    ending: Literal["free", "held"] = "free"
+    """What is asked of an action between its end and that of the longest one: nothing, or to stay in its last posture.
+    """
+    attempt: Count = 1
+    """Which of the seed's draws of initial weights it begins with, counted from 1."""
+    condition: Literal["given", "auto"] = "given"
+    """`given`: one training with these settings; `auto`: several, `attempts`, until every action comes back."""
+
+
+AUTO = {"closed_loop_ratio": 1.0, "first_input": "mean", "ending": "held"}
+"""Settings of the condition `auto`; docs/decisions.md tells why."""
+FIRST_ATTEMPT_EPOCHS = 20_000
+"""Epochs of the first attempt of `auto`; the later ones have twice as many as the one before."""
+
+
+def attempts(training: TrainingSettings) -> tuple[TrainingSettings, ...]:
+    """Return the trainings that a condition stands for, in order; of several, the first that succeeds counts.
+
+    `auto` trains with the settings `AUTO` from other initial weights each time, for 20,000 epochs, then 40,000, and so
+    on, as far as `n_epochs` reaches. Any other condition is itself.
+    """
+    if training.condition == "given":
+        return (training,)
+    found: list[TrainingSettings] = []
+    left, length = training.n_epochs, FIRST_ATTEMPT_EPOCHS
+    while left:
+        n_epochs = min(left, length)
+        if 0 < left - n_epochs < FIRST_ATTEMPT_EPOCHS:  # what is left over would be too short
+            n_epochs = left
+        values: dict[str, Any] = {**AUTO, "n_epochs": n_epochs, "attempt": len(found) + 1, "condition": "given"}
+        found.append(dataclasses.replace(training, **values))
+        left, length = left - n_epochs, 2 * length
+    return tuple(found)
 
 
 def check_kind(kind: type, value: Any, name: str) -> None:
@@ -83,6 +119,8 @@ def check_kind(kind: type, value: Any, name: str) -> None:
     if not isinstance(value, kind):
         raise SettingsError(f"`{name}` should be of the class `{kind.__name__}`, but is {shown(value)}")
 
+
+_RATIOS, _ATTEMPTS = 1, 2  # keep a seed's draws of ratios and of later attempts apart from its initial weights
 
 Shapes = dict[str, tuple[int, ...]]
 
@@ -129,16 +167,16 @@ def layer_time_constants(settings: NetworkSettings) -> np.ndarray:
     return np.repeat(np.array(settings.time_constants, dtype=np.float32), settings.layer_sizes)
 
 
-def initial_vector(settings: NetworkSettings, n_codes: int, n_actions: int, seed: int) -> np.ndarray:
+def initial_vector(settings: NetworkSettings, n_codes: int, n_actions: int, seed: int, attempt: int = 1) -> np.ndarray:
     """Draw the initial parameters: small random weights, zero biases and zero rho (docs/decisions.md).
 
     A weight has standard deviation weight_scale / sqrt(fan-in), a PB weight pb_weight_scale / sqrt(n_pb). With PB
     weights of order 1 all learned PB vectors stay near the origin and the map degenerates.
 
     Returns:
-        Shape (n_parameters,), float32. One seed, one vector.
+        Shape (n_parameters,), float32. One seed and attempt, one vector.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(seed if attempt == 1 else [seed, _ATTEMPTS, attempt])
     shapes = parameter_shapes(settings, n_codes, n_actions)
     vector = np.zeros(n_parameters(shapes), dtype=np.float32)
     parameters = views(vector, shapes)
@@ -180,13 +218,12 @@ class TrainingState:
         return [getattr(self, name) for name in VECTORS]
 
     @classmethod
-    def initial(cls, settings: NetworkSettings, n_codes: int, n_actions: int, seed: int) -> TrainingState:
+    def initial(
+        cls, settings: NetworkSettings, n_codes: int, n_actions: int, seed: int, attempt: int = 1
+    ) -> TrainingState:
         """Return the state before the first epoch."""
-        vector = initial_vector(settings, n_codes, n_actions, seed)
+        vector = initial_vector(settings, n_codes, n_actions, seed, attempt)
         return cls(vector, np.zeros_like(vector), np.zeros_like(vector), vector.copy(), np.zeros(0))
-
-
-_STREAM = 1  # keeps the draws of the ratio apart from those of the initial weights, which use the same seed
 
 
 def closed_loop_ratios(training: TrainingSettings, start: int, stop: int) -> np.ndarray:
@@ -198,7 +235,7 @@ def closed_loop_ratios(training: TrainingSettings, start: int, stop: int) -> np.
     if training.schedule == "annealed":
         return final * np.minimum(np.arange(start, stop) / training.anneal_epochs, 1.0)
     if training.schedule == "random":
-        rng = np.random.default_rng([training.seed, _STREAM])
+        rng = np.random.default_rng([training.seed, _RATIOS])
         return final * rng.uniform(size=stop)[start:]
     return np.full(stop - start, final)
 

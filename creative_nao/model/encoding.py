@@ -120,16 +120,30 @@ def encoding_of(demonstrations: Demonstrations, network: NetworkSettings) -> Sof
     )
 
 
-def target_codes(encoding: SoftmaxEncoding, trajectories: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def target_codes(
+    encoding: SoftmaxEncoding,
+    trajectories: list[np.ndarray],
+    first_input: Literal["own", "mean"] = "own",
+    ending: Literal["free", "held"] = "free",
+) -> tuple[np.ndarray, np.ndarray]:
     """Encode actions of any lengths, each (n_steps, n_joints) [rad], for training.
+
+    Args:
+        encoding: The code.
+        trajectories: The actions.
+        first_input, ending: As in `TrainingSettings`.
 
     Returns:
         Codes, shape (n_actions, longest, n_codes) float32, the rows past an action's end filled with its last posture;
-        and the lengths, shape (n_actions,).
+        and the number of steps that count, shape (n_actions,).
     """
     lengths = np.array([len(trajectory) for trajectory in trajectories])
-    codes = [
+    codes = np.array([
         encoding.encode(np.pad(trajectory, [(0, lengths.max() - len(trajectory)), (0, 0)], mode="edge"))
         for trajectory in trajectories
-    ]
-    return np.maximum(np.array(codes), TARGET_FLOOR).astype(np.float32), lengths
+    ])  # fmt: skip
+    if first_input == "mean":  # row 0 is read and never predicted
+        codes[:, 0] = encoding.encode(np.mean([trajectory[0] for trajectory in trajectories], axis=0))
+    if ending == "held":
+        lengths[:] = lengths.max()
+    return np.maximum(codes, TARGET_FLOOR).astype(np.float32), lengths

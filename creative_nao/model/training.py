@@ -7,22 +7,23 @@ import hashlib
 import math
 import os
 import threading
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from pathlib import Path
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 
 from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.errors import FileFormatError, SettingsError, TrainingError, shown
-from creative_nao.measures import Criteria, dtw
+from creative_nao.errors import FileFormatError, RecallWarning, SettingsError, TrainingError, shown
 from creative_nao.model.config import (
     VECTORS,
     NetworkSettings,
     TrainingSettings,
     TrainingState,
+    attempts,
     candidates,
     check_kind,
     closed_loop_ratios,
@@ -32,6 +33,7 @@ from creative_nao.model.config import (
 )
 from creative_nao.model.encoding import encoding_of, target_codes
 from creative_nao.model.memory import MAX_CURVE_POINTS, Memory
+from creative_nao.model.recall import RecallReport, Trained, condition_settings
 from creative_nao.runtime import record as provenance
 from creative_nao.runtime import usable_cores
 from creative_nao.schema import Count, Index, Sha256, checked, checked_path, dump, parse, record
@@ -161,16 +163,21 @@ def train_network(
 ) -> Memory:
     """Train one network on the basic actions and return it as a memory (Eq. 1-6).
 
+    With the condition `auto` it trains up to several, `config.attempts`, until one gives every basic action back, and
+    returns that one, or the best; `record["attempts"]` of the memory tells what was tried.
+
     Args:
         demonstrations: The basic actions.
-        training: Closed-loop ratio, epochs, learning rate, seed, engine.
+        training: Closed-loop ratio, epochs, learning rate, seed, engine, condition.
         network: Sizes, time constants, code; default: the paper's.
         checkpoint: File that keeps the state of training every `checkpoint_interval` epochs and when training is
             interrupted.
         checkpoint_interval: Epochs between two checkpoints.
         resume: Go on from `checkpoint` if it is there; the result has the same bits as an uninterrupted run.
-        state: Go on from this state of the same training, which is advanced in place; instead of `resume`.
-        progress: Called with the settings and the state every `CHUNK_EPOCHS` epochs.
+        state: Go on from this state of the same training, which is advanced in place; instead of `resume`, and not
+            with `auto`.
+        progress: Called with the settings and the state every `CHUNK_EPOCHS` epochs; with `auto` the settings are
+            those of the attempt.
         stop: When set, training saves its checkpoint and raises KeyboardInterrupt.
         command: For the memory's record; default: the running command.
 
@@ -184,12 +191,20 @@ def train_network(
     check_kind(NetworkSettings, network, "network")
     checked(Count, checkpoint_interval, "checkpoint_interval")
     checkpoint = None if checkpoint is None else checked_path(checkpoint, "checkpoint")
+    if training.condition == "auto":
+        if state is not None:
+            raise SettingsError("`state` belongs to one training, but the condition `auto` may make several")
+        return _train_until_recalled(
+            demonstrations, training, network, checkpoint, checkpoint_interval=checkpoint_interval, resume=resume,
+            progress=progress, stop=stop, command=command,
+        )  # fmt: skip
     encoding = encoding_of(demonstrations, network)
-    codes, lengths = target_codes(encoding, demonstrations.trajectories)
+    codes, lengths = target_codes(encoding, demonstrations.trajectories, training.first_input, training.ending)
     if state is None and resume and checkpoint is not None and checkpoint.exists():
         state = load_checkpoint(checkpoint, demonstrations, network, training)
     if state is None:
-        state = TrainingState.initial(network, encoding.n_codes, demonstrations.n_actions, training.seed)
+        sizes = encoding.n_codes, demonstrations.n_actions
+        state = TrainingState.initial(network, *sizes, training.seed, training.attempt)
     advance = make_engine(network, training, codes, lengths)
     saved = state.epoch
 
@@ -217,6 +232,46 @@ def train_network(
     return memory_at(demonstrations, network, training, state, command)
 
 
+def _train_until_recalled(
+    demonstrations: Demonstrations,
+    training: TrainingSettings,
+    network: NetworkSettings,
+    checkpoint: Path | None,
+    **options: Any,
+) -> Memory:
+    """Return the first memory of the attempts that gives every action back, else the one nearest to it."""
+    tried: list[dict[str, Any]] = []
+    best: tuple[tuple[int, float], int, Memory] | None = None
+    failure: TrainingError | None = None
+    for one in attempts(training):
+        settings = {name: getattr(one, name) for name in ("attempt", "closed_loop_ratio", "n_epochs")}
+        place = None if checkpoint is None else checkpoint_of_attempt(checkpoint, one.attempt)
+        try:
+            memory = train_network(demonstrations, one, network, checkpoint=place, **options)
+        except TrainingError as error:
+            failure = error
+            tried.append({**settings, "failure": str(error)})
+            continue
+        recall = RecallReport.of(memory)
+        tried.append({**settings, "loss": memory.best_loss, "reproduction_dtw": recall.distances})
+        rank = len(recall.missing), max(recall.distances.values())
+        if best is None or rank < best[0]:
+            best = rank, one.attempt, memory
+        if not recall.missing:
+            break
+    if best is None:
+        assert failure is not None
+        raise failure
+    _, kept, memory = best
+    done = {"condition": "auto", "attempts": tried, "kept_attempt": kept}
+    return dataclasses.replace(memory, record={**memory.record, **done})
+
+
+def checkpoint_of_attempt(checkpoint: Path, attempt: int) -> Path:
+    """Return where an attempt of the condition `auto` keeps its state; the first one's is `checkpoint` itself."""
+    return checkpoint if attempt == 1 else checkpoint.with_name(f"{checkpoint.name}-{attempt}")
+
+
 def memory_at(
     demonstrations: Demonstrations,
     network: NetworkSettings,
@@ -238,36 +293,6 @@ def memory_at(
         best_loss=state.best_loss,
         record=provenance(settings={"network": dump(network), "training": dump(training)}, command=command),
     )
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Trained:
-    """The result of training one network.
-
-    Attributes:
-        training: How it was to be trained.
-        memory: The result; None if training failed.
-        failure: Why there is none, for example a loss that is no longer finite; None otherwise.
-    """
-
-    training: TrainingSettings
-    memory: Memory | None
-    failure: str | None
-
-    def reproduction(self) -> list[float]:
-        """Return the DTW distance of each basic action to what its learned PB generates in closed loop [rad]."""
-        return [] if self.memory is None else reproduction(self.memory)
-
-    def succeeded(self, threshold: float = Criteria().learned_threshold) -> bool:
-        """Tell whether every basic action comes back in closed loop within `threshold` [rad]."""
-        return self.memory is not None and max(self.reproduction()) <= threshold
-
-
-def reproduction(memory: Memory) -> list[float]:
-    """Return the DTW distance of each basic action to what its learned PB generates in closed loop [rad]."""
-    check_kind(Memory, memory, "memory")
-    pairs = zip(memory.generate(memory.pb), memory.demonstrations.trajectories, strict=True)
-    return [dtw(generated[: len(action)], action) for generated, action in pairs]
 
 
 def train_many(
@@ -311,7 +336,7 @@ def train_many(
         checkpoint = None if path is None else checkpoint_of(path)
         if resume and path is not None and path.exists():
             memory = Memory.read(path)
-            if memory.training != training:
+            if memory.training not in attempts(training):
                 raise SettingsError(f"{path}: made with other settings ({memory.training}) than asked for ({training})")
         else:
             try:
@@ -324,7 +349,8 @@ def train_many(
             if path is not None:
                 memory.save(path)
         if checkpoint is not None:
-            checkpoint.unlink(missing_ok=True)
+            for one in attempts(training):
+                checkpoint_of_attempt(checkpoint, one.attempt).unlink(missing_ok=True)
         return Trained(training, memory, None)
 
     with ThreadPoolExecutor(n_workers) as pool:
@@ -349,12 +375,12 @@ def checkpoint_of(path: Path) -> Path:
 @overload
 def train(
     demonstrations: Demonstrations, *, seed: int = ..., seeds: None = ..., network: NetworkSettings | None = ...,
-    progress: Progress | None = ..., **settings,
+    condition: str | None = ..., progress: Progress | None = ..., **settings,
 ) -> Memory: ...  # fmt: skip
 @overload
 def train(
     demonstrations: Demonstrations, *, seed: int = ..., seeds: Sequence[int], network: NetworkSettings | None = ...,
-    progress: Progress | None = ..., **settings,
+    condition: str | None = ..., progress: Progress | None = ..., **settings,
 ) -> list[Memory]: ...  # fmt: skip
 def train(
     demonstrations: Demonstrations,
@@ -362,16 +388,21 @@ def train(
     seed: int = 0,
     seeds: Sequence[int] | None = None,
     network: NetworkSettings | None = None,
+    condition: str | None = None,
     progress: Progress | None = None,
     **settings,
 ) -> Memory | list[Memory]:
     """Train a network, or one per seed side by side on all cores.
+
+    A memory that does not give every basic action back in closed loop is told by a `RecallWarning`.
 
     Args:
         demonstrations: The basic actions, from `load_demonstrations`.
         seed: Seed of the initial weights.
         seeds: Several seeds; then a list of memories in their order is returned.
         network: Sizes, time constants, code; default: the paper's.
+        condition: `open`, `half` or `closed`, the paper's closed-loop ratios; or `auto`, which trains until every
+            action comes back (`config.attempts`): for recordings of any length. Instead of `closed_loop_ratio`.
         progress: Called with the settings and the state every hundred epochs, from several threads when there are
             several seeds.
         **settings: Other fields of `TrainingSettings`: `closed_loop_ratio`, `schedule`, `n_epochs`, ...
@@ -383,8 +414,11 @@ def train(
         SettingsError: If a setting is unknown or out of range.
         TrainingError: If a loss is no longer finite.
     """
+    settings |= condition_settings(condition, settings)
     if seeds is None:
-        return train_network(demonstrations, TrainingSettings(seed=seed, **settings), network, progress=progress)
+        memory = train_network(demonstrations, TrainingSettings(seed=seed, **settings), network, progress=progress)
+        _warn(memory)
+        return memory
     if not isinstance(seeds, Iterable):
         raise SettingsError(f"`seeds` should be a list of whole numbers, but is {shown(seeds)}")
     wanted = [TrainingSettings(seed=value, **settings) for value in seeds]
@@ -392,4 +426,12 @@ def train(
     failed = [result for result in trained if result.failure is not None]
     if failed:
         raise TrainingError(f"seed {failed[0].training.seed}: {failed[0].failure}")
-    return [result.memory for result in trained if result.memory is not None]
+    memories = [result.memory for result in trained if result.memory is not None]
+    for memory in memories:
+        _warn(memory)
+    return memories
+
+
+def _warn(memory: Memory) -> None:
+    if (recall := RecallReport.of(memory)).missing:
+        warnings.warn(f"seed {memory.training.seed}: {recall}", RecallWarning, stacklevel=3)

@@ -11,8 +11,7 @@ from visiting import free_port
 
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.explorer.keyframe_editor import boxing
-from creative_nao.model import load_memory
-from creative_nao.model.training import reproduction
+from creative_nao.model import load_memory, reproduction
 
 FIT = "demonstrations, all fit to be taught"
 
