@@ -189,7 +189,7 @@ class BoxingEnv(RepertoireEnv):
     def performer(self) -> Any:
         """The `robot.Performer` in its ring, built when first needed."""
         assert isinstance(self._batch.executor, PhysicsExecutor)
-        return self._batch.executor.performer
+        return self._batch.executor.performer(self._env_id)
 
     @property
     def model(self) -> Any:
@@ -269,7 +269,7 @@ class BoxingModulationEnv(RepertoireEnv):
 class BoxingMentalVectorEnv(RepertoireVectorEnv):
     """Vector environment of `CreativeNao/BoxingMental-v0`; see `BoxingMentalEnv` and `RepertoireVectorEnv`."""
 
-    _single_name = "BoxingMentalEnv"
+    single_class = BoxingMentalEnv
 
 
 class BoxingVectorEnv(RepertoireVectorEnv):
@@ -281,7 +281,7 @@ class BoxingVectorEnv(RepertoireVectorEnv):
         arguments: Those of `RepertoireVectorEnv`.
     """
 
-    _single_name = "BoxingEnv"
+    single_class = BoxingEnv
     physics = True
 
     def __init__(self, num_envs: int = 1, *, limits: PhysicalLimits | None = None, **arguments: Any) -> None:
@@ -298,8 +298,7 @@ class BoxingModulationVectorEnv(BoxingVectorEnv):
         arguments: Those of `BoxingVectorEnv`.
     """
 
-    _single_name = "BoxingModulationEnv"
-    _modulated = True
+    single_class = BoxingModulationEnv
 
     def __init__(self, num_envs: int = 1, *, physics: bool = False, **arguments: Any) -> None:
         self.physics = checked(bool, physics, "physics")

@@ -214,11 +214,10 @@ class PhysicsExecutor:
         self._ends: list[np.ndarray | None] = [None] * n_envs
         """State at the end of each environment's last action; None: the settled guard."""
 
-    @property
-    def performer(self) -> Performer:
-        """The robot of the only environment."""
-        if not self.pool.built:
-            self._show(self._ends[0])
+    def performer(self, env_id: int) -> Performer:
+        """Return a robot in the state of this environment; that of an only environment is always its own."""
+        if not self.pool.built or len(self._ends) > 1:
+            self._show(self._ends[env_id])
         return self.pool.performers[0]
 
     def _show(self, state: np.ndarray | None) -> None:

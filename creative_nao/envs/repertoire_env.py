@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Self
 
 import gymnasium as gym
 import numpy as np
@@ -18,9 +18,6 @@ from creative_nao.errors import SettingsError, ShapeError, nearest_name
 from creative_nao.measures import Criteria
 from creative_nao.robot import PhysicalLimits
 from creative_nao.schema import Seed, checked
-
-_ENV_IDS = np.zeros(1, np.int64)
-"""A single environment is number 0 of an `EpisodeBatch` of one."""
 
 
 class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -57,15 +54,28 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         criteria: Criteria | None = None,
         overlay: bool = False,
     ) -> None:
-        self._batch = EpisodeBatch(
+        batch = EpisodeBatch(
             memory, 1, n_actions, criteria, modulated=self._modulated,
             limits=self.limits if self.physics else None, render_mode=render_mode, overlay=overlay,
         )  # fmt: skip
-        self.render_mode = render_mode
-        self.n_actions = self._batch.n_actions
-        self.criteria = self._batch.criteria
-        self.observation_space = self._batch.observation_space
-        self.action_space = Box(-1.0, 1.0, (self._batch.memories.first.n_pb,), np.float32)
+        self._join(batch, 0)
+
+    def _join(self, batch: EpisodeBatch, env_id: int) -> None:
+        """Be the environment of one episode of a batch."""
+        self._batch, self._env_id, self._env_ids = batch, env_id, np.array([env_id])
+        self.render_mode = batch.recorder.mode
+        self.n_actions = batch.n_actions
+        self.criteria = batch.criteria
+        self.observation_space = batch.observation_space
+        self.action_space = Box(-1.0, 1.0, (batch.memories.first.n_pb,), np.float32)
+
+    @classmethod
+    def of_batch(cls, batch: EpisodeBatch, env_id: int, **attributes: Any) -> Self:
+        """Return the environment of one episode of a vector environment's batch, with these further attributes."""
+        env = cls.__new__(cls)
+        vars(env).update(attributes)
+        env._join(batch, env_id)
+        return env
 
     @property
     def n_decisions(self) -> int:
@@ -75,12 +85,12 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     @property
     def memory(self) -> Any:
         """The memory of this episode."""
-        return self._batch.specs[0].memory
+        return self._batch.specs[self._env_id].memory
 
     @property
     def repertoire(self) -> list[np.ndarray]:
         """The movements accepted in this episode, each (n_steps, n_joints) [rad], as copies."""
-        return self._batch.archive.accepted(0)
+        return self._batch.archive.accepted(self._env_id)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -100,8 +110,9 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         """
         wanted = checked_options(options, ("memory",)).get("memory")
         super().reset(seed=checked(Seed | None, seed, "seed"))
-        self._batch.reset(0, wanted, lambda: self.np_random)
-        return self._batch.observations.vector(), {"memory": self._batch.specs[0].name}
+        batch, env_id = self._batch, self._env_id
+        batch.reset(env_id, wanted, lambda: self.np_random)
+        return batch.observations.vector(env_id), {"memory": batch.specs[env_id].name}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Generate, execute and score the movement of a PB point; where the PB may change, its next five ticks.
@@ -116,21 +127,21 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
             ShapeError: If the action does not have shape (n_pb,) or is not finite.
             SettingsError: If the episode has ended.
         """
-        batch = self._batch
-        if batch.n_done[0] >= self.n_actions:
+        batch, env_id = self._batch, self._env_id
+        if batch.n_done[env_id] >= self.n_actions:
             raise SettingsError(f"the episode has ended after {self.n_actions} movements; begin another with `reset`")
         pb = checked_pb(action, self.action_space.shape)[None]
-        rewards, terms, finished, finished_terms = batch.step(_ENV_IDS, pb)
-        truncated = int(batch.n_done[0]) >= self.n_actions
+        rewards, terms, finished, finished_terms = batch.step(self._env_ids, pb)
+        truncated = int(batch.n_done[env_id]) >= self.n_actions
         info: dict[str, Any] = {}
         for name, values in (*terms.items(), *finished_terms.items()):
             value = values[0]
             info[name] = value.item() if isinstance(value, np.generic) else value
         if truncated and len(finished):
-            info["episode_measures"] = batch.measures(0)
+            info["episode_measures"] = batch.measures(env_id)
         if self.render_mode == "human":
             self.render()
-        return batch.observations.vector(), float(rewards[0]), False, truncated, info
+        return batch.observations.vector(env_id), float(rewards[0]), False, truncated, info
 
     def render(self) -> Any:
         """Show what was executed since the last call.
@@ -144,7 +155,7 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         Raises:
             MissingDependencyError: If this machine cannot draw or has no display; the message says what helps.
         """
-        return self._batch.recorder.render()
+        return self._batch.recorder.render(self._env_id)
 
     def close(self) -> None:
         """Close the window and free what drawing took; may be called again."""
@@ -152,7 +163,7 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
 
     def get_state(self) -> EnvState:
         """Return the exact state: an environment put into it goes on with the same bits."""
-        values, arrays = self._batch.get_state(0)
+        values, arrays = self._batch.get_state(self._env_id)
         return EnvState(type(self).__name__, {**values, "random": generator_state(self._np_random)}, arrays)
 
     def set_state(self, state: EnvState) -> None:
@@ -163,7 +174,7 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
             NotFoundError: If its memory is none of this environment's.
         """
         EnvState.check(state, self.get_state())  # which also refuses what is no state
-        self._batch.set_state(0, state.values, state.arrays)
+        self._batch.set_state(self._env_id, state.values, state.arrays)
         self._np_random = generator_from(state.values["random"])
 
 

@@ -5,12 +5,14 @@ SB3 is imported with this module, which `creative_nao.envs.SB3VecEnv` loads when
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
+from stable_baselines3.common.env_util import is_wrapped
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
 from creative_nao.errors import SettingsError
@@ -20,6 +22,9 @@ _END_TERMS = ("final_obs", "final_info")
 
 class SB3VecEnv(VecEnv):
     """Gives a Gymnasium vector environment the interface that the algorithms of Stable-Baselines3 train on.
+
+    Sub-environments answer one by one, as in `DummyVecEnv`: options, attributes, methods, `indices`. The `info` at the
+    end of an episode holds its return and length, `episode`, so that `ep_rew_mean` is logged without a `VecMonitor`.
 
     Args:
         venv: A vector environment with `autoreset_mode` `SAME_STEP`, or the name of a registered environment.
@@ -49,14 +54,29 @@ class SB3VecEnv(VecEnv):
             )
         self.venv = made
         self._actions: np.ndarray | None = None
+        self._begin_terms: set[str] = set()
+        self._returns, self._lengths = np.zeros(made.num_envs), np.zeros(made.num_envs, np.int64)
+        self._began = np.full(made.num_envs, time.perf_counter())
         super().__init__(made.num_envs, made.single_observation_space, made.single_action_space)
 
     def reset(self) -> np.ndarray:
-        """Begin all episodes with the seeds and options set before, which are then used up."""
-        seeds: list[int | None] | None = None if all(seed is None for seed in self._seeds) else list(self._seeds)
-        options = next((chosen for chosen in self._options if chosen), None)
-        observations, infos = self.venv.reset(seed=seeds, options=options)
-        self.reset_infos = [_info_of(infos, k) for k in range(self.num_envs)]
+        """Begin all episodes, each with the seed and the options set for it before, which are then used up."""
+        if len(self._options) != self.num_envs:
+            raise SettingsError(f"`options` should be {self.num_envs}, one a copy, but are {len(self._options)}")
+        infos: dict[str, Any] = {}
+        if all(options == self._options[0] for options in self._options):
+            seeds: list[int | None] | None = None if all(seed is None for seed in self._seeds) else list(self._seeds)
+            observations, infos = self.venv.reset(seed=seeds, options=self._options[0] or None)
+            self.reset_infos = [_info_of(infos, k) for k in range(self.num_envs)]
+        else:
+            if not self._begin_terms:  # Gymnasium's own take a mask only when all have begun once
+                self.venv.reset()
+            for k, options in enumerate(self._options):
+                only = {"reset_mask": np.arange(self.num_envs) == k}
+                observations, infos = self.venv.reset(seed=list(self._seeds), options={**options, **only})
+                self.reset_infos[k] = _info_of(infos, k)
+        self._begin_terms = set(infos)
+        self._returns[:], self._lengths[:], self._began[:] = 0.0, 0, time.perf_counter()
         self._reset_seeds()
         self._reset_options()
         return observations
@@ -70,13 +90,23 @@ class SB3VecEnv(VecEnv):
         observations, rewards, terminated, truncated, infos = self.venv.step(self._actions)
         ended = np.logical_or(terminated, truncated)
         all_infos = [_info_of(infos, k) for k in range(self.num_envs)]
-        for k in np.flatnonzero(ended):
-            self.reset_infos[k] = all_infos[k]
+        self._returns += rewards
+        self._lengths += 1
+        now = time.perf_counter()
+        for k in np.flatnonzero(ended).tolist():
+            # What stands beside the beginning of the new episode, a wrapper has added: it tells of the end.
+            begun = {name: value for name, value in all_infos[k].items() if name in self._begin_terms}
+            added = {name: value for name, value in all_infos[k].items() if name not in self._begin_terms}
+            length, seconds = int(self._lengths[k]), round(now - float(self._began[k]), 6)
+            self.reset_infos[k] = begun
             all_infos[k] = {
-                **_info_of(infos["final_info"], int(k)),
+                "episode": {"r": float(self._returns[k]), "l": length, "t": seconds},
+                **added,
+                **_info_of(infos["final_info"], k),
                 "terminal_observation": infos["final_obs"][k],
                 "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
             }
+        self._returns[ended], self._lengths[ended], self._began[ended] = 0.0, 0, now
         return observations, rewards.astype(np.float32), ended, all_infos
 
     def close(self) -> None:
@@ -89,28 +119,33 @@ class SB3VecEnv(VecEnv):
         return list(frames) if frames is not None else [None] * self.num_envs
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return an attribute of the vector environment, the same for every sub-environment asked for."""
-        return [getattr(self.venv, attr_name) for _ in self._get_indices(indices)]
+        """Return an attribute of each sub-environment asked for."""
+        if not hasattr(self.venv.unwrapped, "envs"):
+            each = self.venv.unwrapped.get_attr(attr_name)  # pyright: ignore[reportAttributeAccessIssue]
+            return [each[k] for k in self._get_indices(indices)]
+        return [env.get_wrapper_attr(attr_name) for env in self._chosen(indices, "get_attr")]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of the vector environment, for all sub-environments; for some, SettingsError is raised."""
-        self._all(indices, "set_attr")
-        setattr(self.venv, attr_name, value)
+        """Set an attribute of each sub-environment asked for."""
+        for env in self._chosen(indices, "set_attr"):
+            setattr(env, attr_name, value)
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method of the vector environment once; its result is returned for each; for some: SettingsError."""
-        self._all(indices, "env_method")
-        return [getattr(self.venv, method_name)(*method_args, **method_kwargs)] * self.num_envs
+        """Call a method of each sub-environment asked for and return the results."""
+        called = [env.get_wrapper_attr(method_name) for env in self._chosen(indices, "env_method")]
+        return [method(*method_args, **method_kwargs) for method in called]
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
-        """Return False for each: sub-environments are rows of arrays, nothing wraps them."""
-        return [False for _ in self._get_indices(indices)]
+        """Tell of each sub-environment asked for whether it is wrapped so."""
+        return [is_wrapped(env, wrapper_class) for env in self._chosen(indices, "env_is_wrapped")]
 
-    def _all(self, indices: VecEnvIndices, called: str) -> None:
-        if len(list(self._get_indices(indices))) != self.num_envs:
-            raise SettingsError(f"`{called}` works on all sub-environments at once, but `indices` is {indices!r}")
+    def _chosen(self, indices: VecEnvIndices, called: str) -> list[Any]:
+        envs = getattr(self.venv.unwrapped, "envs", None)
+        if envs is None:
+            raise SettingsError(f"`{called}` needs sub-environments in this process, but those of {self.venv} are not")
+        return [envs[k] for k in self._get_indices(indices)]
 
 
 def _info_of(infos: dict[str, Any], k: int) -> dict[str, Any]:

@@ -6,20 +6,19 @@ vector environments.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.spaces import Box
-from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS, EpisodeBatch
 from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
-from creative_nao.envs.repertoire_env import checked_options, checked_pb
+from creative_nao.envs.repertoire_env import RepertoireEnv, checked_options, checked_pb
 from creative_nao.envs.spec import EpisodeLength, Specified
-from creative_nao.envs.state import EnvState, generator_from, generator_state
+from creative_nao.envs.state import EnvState
 from creative_nao.envs.viewing import RENDER_MODES
 from creative_nao.errors import SettingsError
 from creative_nao.measures import Criteria
@@ -50,9 +49,8 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         SettingsError: If a setting is of a wrong kind or out of range.
     """
 
-    _single_name = ""
-    """Class name of the single environment, whose states fit."""
-    _modulated = False
+    single_class: type[RepertoireEnv] = RepertoireEnv
+    """Class of the single environment."""
     physics = False
     limits = PhysicalLimits()
 
@@ -77,7 +75,7 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
             known = ", ".join(mode.value for mode in AutoresetMode)
             raise SettingsError(f"`autoreset_mode` should be one of {known}, but is {autoreset_mode!r}") from error
         self._batch = EpisodeBatch(
-            memory, num_envs, n_actions, criteria, modulated=self._modulated,
+            memory, num_envs, n_actions, criteria, modulated=self.single_class._modulated,
             limits=self.limits if self.physics else None,
             n_threads=n_threads, render_mode=render_mode, overlay=overlay,
         )  # fmt: skip
@@ -91,12 +89,18 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
             "autoreset_mode": self.autoreset_mode,
         }
         self.criteria = self._batch.criteria
-        self.single_observation_space = self._batch.observation_space
-        self.single_action_space = Box(-1.0, 1.0, (self._batch.memories.first.n_pb,), np.float32)
+        same = {"physics": self.physics, "limits": self.limits}
+        self.envs = [self.single_class.of_batch(self._batch, env_id, **same) for env_id in range(num_envs)]
+        """Each sub-environment as a single environment: its attributes, `get_state`, `render`, ..."""
+        self.single_observation_space = self.envs[0].observation_space
+        self.single_action_space = self.envs[0].action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._random: list[np.random.Generator | None] = [None] * num_envs
-        self._ended = np.zeros(num_envs, bool)
+
+    @property
+    def _ended(self) -> np.ndarray:
+        """Which episodes are over and were not begun anew, (num_envs,)."""
+        return self._batch.n_done >= self.n_actions
 
     @property
     def n_decisions(self) -> int:
@@ -108,27 +112,49 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         """The memory of each sub-environment's episode."""
         return tuple(spec.memory for spec in self._batch.specs)
 
-    def _generator(self, env_id: int) -> np.random.Generator:
-        generator = self._random[env_id]
-        if generator is None:
-            generator = self._random[env_id] = seeding.np_random()[0]
-        return generator
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Call a method of each sub-environment, or get an attribute, as Gymnasium's own vector environments do."""
+        found = [getattr(env, name) for env in self.envs]
+        return tuple(one(*args, **kwargs) if callable(one) else one for one in found)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Return an attribute of each sub-environment."""
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of each sub-environment: a list or tuple holds one value each, all else is for all.
+
+        Raises:
+            SettingsError: If there are not as many values as sub-environments.
+        """
+        each = values if isinstance(values, list | tuple) else [values] * self.num_envs
+        for env, value in zip(self.envs, self._one_each(each, "values"), strict=True):
+            setattr(env, name, value)
+
+    def _one_each(self, values: Sequence[Any], name: str) -> Sequence[Any]:
+        if len(values) != self.num_envs:
+            what = f"{self.num_envs} {name.removesuffix('s')}s, one per sub-environment"
+            raise SettingsError(f"`{name}` should hold {what}, but holds {len(values)}")
+        return values
 
     def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | list[int | None] | None = None,
+        options: dict[str, Any] | list[dict[str, Any] | None] | None = None,
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin episodes with empty repertoires.
 
         Args:
             seed: One seed per sub-environment; an int for that, the next, and so on.
             options: ``{"memory": name}`` takes this memory in all of them; ``{"reset_mask": mask}`` of bool, shape
-                (num_envs,), begins only these episodes anew.
+                (num_envs,), begins only these episodes anew. A list holds the options of each sub-environment.
 
         Returns:
             The observations and, as `info`, the names of the memories.
 
         Raises:
-            SettingsError: If the seeds or the mask do not fit.
+            SettingsError: If seeds, options or the mask do not fit.
             NotFoundError: If there is no such memory in this environment.
         """
         if isinstance(seed, list):
@@ -136,30 +162,32 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         else:
             first = checked(Seed | None, seed, "seed")
             seeds = [None if first is None else first + k for k in range(self.num_envs)]
-        if len(seeds) != self.num_envs:
-            raise SettingsError(
-                f"`seed` should hold {self.num_envs} seeds, one per sub-environment, but holds {len(seeds)}"
-            )
-        chosen = dict(checked_options(options, ("memory", "reset_mask")))
-        mask = np.asarray(chosen.pop("reset_mask", np.ones(self.num_envs, bool)))
+        self._one_each(seeds, "seed")
+        chosen: list[dict[str, Any]]
+        if isinstance(options, list):
+            each = self._one_each(options, "options")
+            chosen, mask = [checked_options(one, ("memory",)) for one in each], None
+        else:
+            shared = dict(checked_options(options, ("memory", "reset_mask")))
+            mask, chosen = shared.pop("reset_mask", None), [shared] * self.num_envs
+        mask = np.ones(self.num_envs, bool) if mask is None else np.asarray(mask)
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
             raise SettingsError(
                 f'options["reset_mask"] should be {self.num_envs} bools, at least one of them true, but is {mask!r:.80}'
             )
         env_ids = np.flatnonzero(mask)
-        for env_id in env_ids:
-            if seeds[env_id] is not None:
-                self._random[env_id] = seeding.np_random(seeds[env_id])[0]
-        infos = self._begin(env_ids, chosen.get("memory"))
-        self._ended[env_ids] = False
+        infos = self._begin(env_ids, seeds, chosen)
         return self._batch.observations.vectors(), infos
 
-    def _begin(self, env_ids: np.ndarray, wanted: str | None = None) -> dict[str, Any]:
-        """Begin episodes; return the names of their memories as `info`."""
-        for env_id in env_ids:
-            self._batch.reset(env_id, wanted, lambda env_id=env_id: self._generator(env_id))
-        names = np.array([self._batch.specs[env_id].name for env_id in env_ids], object)
-        return _vector_info(self.num_envs, env_ids, {"memory": names})
+    def _begin(
+        self, env_ids: np.ndarray, seeds: Sequence[int | None] | None = None, options: Sequence[Any] | None = None
+    ) -> dict[str, Any]:
+        """Begin episodes with the seeds and options of all sub-environments; return their `info`."""
+        infos: dict[str, Any] = {}
+        for k in env_ids.tolist():
+            _, info = self.envs[k].reset(seed=seeds and seeds[k], options=options and options[k])
+            infos = self._add_info(infos, info, k)
+        return infos
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Step all sub-environments.
@@ -177,14 +205,14 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         """
         batch = self._batch
         pb = checked_pb(actions, self.action_space.shape)
-        beginning = np.flatnonzero(self._ended)
-        if len(beginning) and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
+        ended = self._ended
+        beginning, env_ids = np.flatnonzero(ended), np.flatnonzero(~ended)
+        if len(beginning) and self.autoreset_mode is AutoresetMode.DISABLED:
             raise SettingsError(
                 f"the episodes of sub-environments {beginning.tolist()} have ended; begin them anew with "
                 'reset(options={"reset_mask": mask}), since `autoreset_mode` is disabled'
             )
         infos = self._begin(beginning)
-        env_ids = np.flatnonzero(~self._ended)
         rewards, truncated = np.zeros(self.num_envs), np.zeros(self.num_envs, bool)
         if len(env_ids):
             rewards[env_ids], terms, finished, finished_terms = batch.step(env_ids, pb[env_ids])
@@ -195,7 +223,6 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
             else:
                 infos |= self._infos(parts, np.ones(self.num_envs, bool))
                 infos = self._with_measures(infos, truncated)
-        self._ended = truncated & (self.autoreset_mode is not AutoresetMode.SAME_STEP)
         return batch.observations.vectors(), rewards, np.zeros(self.num_envs, bool), truncated, infos
 
     def _infos(self, parts: list[tuple[np.ndarray, dict[str, np.ndarray]]], chosen: np.ndarray) -> dict[str, Any]:
@@ -237,8 +264,7 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
 
     def get_state(self) -> tuple[EnvState, ...]:
         """Return the exact state of each sub-environment; a single environment of the same kind takes it, too."""
-        parts = [(*self._batch.get_state(env_id), generator_state(rng)) for env_id, rng in enumerate(self._random)]
-        return tuple(EnvState(self._single_name, {**values, "random": rng}, arrays) for values, arrays, rng in parts)
+        return tuple(env.get_state() for env in self.envs)
 
     def set_state(self, states: tuple[EnvState, ...] | list[EnvState]) -> None:
         """Restore the state of each sub-environment: of `get_state` here or of a single environment made alike.
@@ -249,16 +275,11 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
             NotFoundError: If a memory is none of this environment's.
         """
         check_kind(tuple if isinstance(states, tuple) else list, states, "states")
-        if len(states) != self.num_envs:
-            raise SettingsError(
-                f"`states` should hold {self.num_envs} states, one per sub-environment, but holds {len(states)}"
-            )
-        for env_id, (state, present) in enumerate(zip(states, self.get_state(), strict=True)):
+        self._one_each(states, "states")
+        for state, present in zip(states, self.get_state(), strict=True):
             EnvState.check(state, present)
-            self._batch.set_state(env_id, state.values, state.arrays)
-            self._random[env_id] = generator_from(state.values["random"])
-            ended = self._batch.n_done[env_id] >= self.n_actions
-            self._ended[env_id] = ended and self.autoreset_mode is not AutoresetMode.SAME_STEP
+        for env, state in zip(self.envs, states, strict=True):
+            env.set_state(state)
 
 
 def _vector_info(num_envs: int, env_ids: np.ndarray, terms: dict[str, np.ndarray]) -> dict[str, Any]:
