@@ -136,11 +136,14 @@ def environments_page() -> str:
     from creative_nao.envs.boxing_task import BoxingTask
     from creative_nao.envs.vector_env import RepertoireVectorEnv
 
+    names: dict[str, list[str]] = {}
+    for name, entry in ENVIRONMENTS.items():
+        names.setdefault(entry, []).append(name)
     return render(
         "environments.md.jinja",
         TEMPLATES,
-        environments={name: _docstring(_class_of(entry)) for name, entry in ENVIRONMENTS.items()},
-        vector_classes=[_class_of(entry).__name__ for entry in VECTOR_ENVIRONMENTS.values()],
+        environments={"`, `".join(ids): _docstring(_class_of(entry)) for entry, ids in names.items()},
+        vector_classes=[_class_of(entry).__name__ for entry in dict.fromkeys(VECTOR_ENVIRONMENTS.values())],
         arguments=_arguments(RepertoireVectorEnv),
         task=_docstring(BoxingTask).split("Args:")[0].strip(),
     )

@@ -1,10 +1,12 @@
 """The environments: a robot's memory as a task.
 
-- `BoxingMentalEnv` (`CreativeNao/BoxingMental-v0`): actions are generated and scored without physics.
+- `BoxingMentalEnv` (`CreativeNao/BoxingMental-v0`, -v1): actions are generated and scored without physics.
 - `BoxingEnv` (`CreativeNao/Boxing-v0`): the NAO performs them in physics, what it measured is scored.
 - `BoxingModulationEnv` (`CreativeNao/BoxingModulation-v0`): the PB may change during an action.
-- `BoxingMentalVectorEnv`, `BoxingVectorEnv`, `BoxingModulationVectorEnv`: vector environments, for
-  `gymnasium.make_vec`.
+- `BoxingRehearsalEnv` (`CreativeNao/BoxingRehearsal-v0`): a step imagines an action, the best is performed on demand.
+- `BoxingMentalVectorEnv`, `BoxingVectorEnv`, `BoxingModulationVectorEnv`, `BoxingRehearsalVectorEnv`: vector
+  environments, for `gymnasium.make_vec`.
+- `Track`: what an agent is told.
 - `SB3VecEnv`: one of those for Stable-Baselines3.
 - `EnvState`: what `get_state` returns and `set_state` takes.
 - `load`, `TASKS`: the ring as a dm_control `composer.Environment`, boxing tick by tick.
@@ -18,6 +20,7 @@ Names are loaded when first used, so that registering costs nothing.
 from __future__ import annotations
 
 import importlib
+import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -34,18 +37,31 @@ if TYPE_CHECKING:
         BoxingModulationVectorEnv,
         BoxingVectorEnv,
     )
+    from creative_nao.envs.observation import Track
+    from creative_nao.envs.rehearsal_env import BoxingRehearsalEnv, BoxingRehearsalVectorEnv
     from creative_nao.envs.sb3 import SB3VecEnv
     from creative_nao.envs.state import EnvState
 
 __all__ = [
     "ENVIRONMENTS", "TASKS", "VECTOR_ENVIRONMENTS", "BoxingEnv", "BoxingMentalEnv", "BoxingMentalVectorEnv",
-    "BoxingModulationEnv", "BoxingModulationVectorEnv", "BoxingVectorEnv", "EnvState", "SB3VecEnv", "load",
-    "register_environments",
+    "BoxingModulationEnv", "BoxingModulationVectorEnv", "BoxingRehearsalEnv", "BoxingRehearsalVectorEnv",
+    "BoxingVectorEnv", "EnvState", "SB3VecEnv", "Track", "load", "register_environments",
 ]  # fmt: skip
 
-_LENGTHS = {"Boxing": 30, "BoxingMental": 30, "BoxingModulation": 300}
-"""Steps of an episode of each, unless `n_actions` changes it."""
-_NAMES = {f"CreativeNao/{name}-v0": f"{__name__}.boxing_envs:{name}" for name in _LENGTHS}
+_LENGTHS = {
+    "Boxing-v0": 30,
+    "BoxingMental-v0": 30,
+    "BoxingModulation-v0": 300,
+    "Boxing-v1": 30,
+    "BoxingMental-v1": 30,
+    "BoxingModulation-v1": 300,
+    "BoxingRehearsal-v0": 240,
+}
+"""Most steps of an episode of each, unless `n_actions` or `n_imagined` changes it."""
+_NAMES = {
+    f"CreativeNao/{name}": f"{__name__}.{'rehearsal_env' if 'Rehearsal' in name else 'boxing_envs'}:{name[:-3]}"
+    for name in _LENGTHS
+}
 ENVIRONMENTS = {name: f"{path}Env" for name, path in _NAMES.items()}
 """Every environment of the project and the class behind it."""
 VECTOR_ENVIRONMENTS = {name: f"{path}VectorEnv" for name, path in _NAMES.items()}
@@ -53,16 +69,23 @@ VECTOR_ENVIRONMENTS = {name: f"{path}VectorEnv" for name, path in _NAMES.items()
 
 
 def register_environments() -> None:
-    """Register all environments; a second call changes nothing."""
+    """Register all environments; a second call changes nothing.
+
+    -v1 differs from -v0 in the setting `observation`. Gymnasium calls -v0 out of date when it is made; here that
+    warning is left away, since trained agents and published figures are bound to it.
+    """
     from gymnasium.envs.registration import register, registry
 
     from creative_nao.envs.spec import EpisodeLength
 
+    out_of_date = r".*CreativeNao/\w+-v0 is out of date"
+    warnings.filterwarnings("ignore", message=out_of_date, category=DeprecationWarning)
     for (name, entry_point), n_steps in zip(ENVIRONMENTS.items(), _LENGTHS.values(), strict=True):
         if name not in registry:
             register(
                 name, entry_point, max_episode_steps=EpisodeLength(n_steps),
                 vector_entry_point=VECTOR_ENVIRONMENTS[name],
+                kwargs={"observation": "trajectories"} if name.endswith("-v1") else {},
             )  # fmt: skip
 
 
@@ -96,7 +119,8 @@ def __getattr__(name: str) -> Any:
     """Load a public name when it is first asked for."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home = {"EnvState": "state", "SB3VecEnv": "sb3"}.get(name, "boxing_envs")
+    home = {"EnvState": "state", "SB3VecEnv": "sb3", "Track": "observation"}.get(name, "boxing_envs")
+    home = "rehearsal_env" if "Rehearsal" in name else home
     return getattr(importlib.import_module(f"{__name__}.{home}"), name)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS
 from creative_nao.envs.executors import PhysicsExecutor
 from creative_nao.envs.memory_set import MemoryLike
-from creative_nao.envs.observation import layout, layout_table
+from creative_nao.envs.observation import CELLS, layout, layout_table, try_columns
 from creative_nao.envs.repertoire_env import RepertoireEnv
 from creative_nao.envs.vector_env import RepertoireVectorEnv
 from creative_nao.errors import SettingsError, shown
@@ -30,12 +30,47 @@ from creative_nao.schema import checked
 Kind = TypeVar("Kind", bound=RepertoireEnv)
 
 _OBSERVATION_NOTES = """\
-The sizes are those of a memory with six basic actions. `scale` is the mean DTW distance between basic actions.
-`OUTCOMES` are `learned`, `unlearned`, `fluctuating`, `non_moving`, `joint_limit`, `torque_saturated`,
-`tracking_error`, `self_collision`, `fell`.
-
+`scale` is the mean DTW distance between basic actions. `OUTCOMES` are `learned`, `unlearned`, `fluctuating`,
+`non_moving`, `joint_limit`, `torque_saturated`, `tracking_error`, `self_collision`, `fell`."""
+_CELLS_TEXT = """\
 The cell of a point is in column floor((pb1 + 1) / 2 * 8) of row floor((pb2 + 1) / 2 * 8), rows one after the other;
 a cell in which something appropriate was found reads at least 0.1."""
+_TRIES_TEXT = """\
+With `observation="points"` there are no `distances`, with `"outcomes"` no `points` either: what an agent of that track
+of knowledge (`envs.Track`) may be told. `GridObservation` draws the tries as an image, `SetObservation` gives them as
+rows with a mask."""
+
+
+def _cells_table(**sizes: int) -> str:
+    """Return what `observation="cells"` holds; the arguments are those of `layout`."""
+    parts = layout(**sizes)
+    return f'`observation="cells"` (-v0): `Box({parts[-1].stop},) float32`.\n\n{layout_table(parts)}\n\n{_CELLS_TEXT}'
+
+
+def _tries_table(n_rows: int, n_decisions: int = 1, rehearsal: bool = False, **sizes: int) -> str:
+    """Return what `observation="trajectories"` holds; the arguments are those of `layout`."""
+    parts = layout(n_rows=n_rows, n_decisions=n_decisions, rehearsal=rehearsal, **sizes)
+    columns = try_columns(n_decisions=n_decisions, rehearsal=rehearsal)
+    return (
+        f'`observation="trajectories"`{"" if rehearsal else " (-v1)"}: `Box({parts[-1].stop},) float32`.\n\n'
+        f"{layout_table(parts)}\n\nA row of `tries` has {columns[-1].stop} columns:\n\n{layout_table(columns)}\n\n"
+        f"{_TRIES_TEXT}"
+    )
+
+
+def _observation(*tables: str) -> str:
+    """Return the section about observations."""
+    sizes = "The sizes are those of a memory with six basic actions and two PB units."
+    return "\n\n".join(("## Observation space", *tables, f"{sizes}\n{_OBSERVATION_NOTES}"))
+
+
+_COMMON_ARGUMENTS = """\
+| memory | `"half/0"` | name, file or memory; `"train"`, `"validation"`, `"test"`: drawn per episode |
+| n_actions | 30 | actions in an episode |
+| render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
+| criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
+| overlay | False | whether colour frames carry a caption: outcome, nearest basic action, reward |"""
+_MODULATED = {"n_joints": 8, "n_slow": 10}
 _SHARED = {
     "actions": """\
 ## Action space
@@ -44,24 +79,20 @@ _SHARED = {
 | index | meaning | min | max | unit |
 | --- | --- | --- | --- | --- |
 | 0 | activation of PB unit 1 | -1 | 1 | 1 |
-| 1 | activation of PB unit 2 | -1 | 1 | 1 |""",
-    "observation": f"""\
-## Observation space
-`Box(85,) float32`, all zero at the start of an episode.
+| 1 | activation of PB unit 2 | -1 | 1 | 1 |
 
-{layout_table(layout())}
-
-{_OBSERVATION_NOTES}""",
-    "modulated_observation": f"{layout_table(layout(n_joints=8, n_slow=10))}\n\n{_OBSERVATION_NOTES}",
-    "arguments": """\
+One for each PB unit of the memory.""",
+    "observation": _observation(_cells_table(), _tries_table(30)),
+    "modulated_observation": _observation(_cells_table(**_MODULATED), _tries_table(30, 10, **_MODULATED)),
+    "rehearsal_observation": _observation(_tries_table(240, rehearsal=True)),
+    "common_arguments": _COMMON_ARGUMENTS,
+    "arguments": f"""\
 ## Arguments
 | argument | default | meaning |
 | --- | --- | --- |
-| memory | `"half/0"` | name, file or memory; `"train"`, `"validation"`, `"test"`: drawn per episode |
-| n_actions | 30 | actions in an episode |
-| render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
-| criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
-| overlay | False | whether colour frames carry a caption: outcome, nearest basic action, reward |""",
+{_COMMON_ARGUMENTS}
+| n_imagined | 0 | movements that `imagine` may imagine in an episode |
+| observation | `"cells"` | `"cells"` (-v0), `"outcomes"`, `"points"`, `"trajectories"` (-v1): see above |""",
     "rendering": """\
 `render` returns: `rgb_array` the last movement at its widest, uint8 (480, 640, 3); `depth_array` how far away
 everything is in that picture [m], float32 (480, 640); `rgb_array_list` a film of all movements since the last call;
@@ -73,23 +104,27 @@ trajectories as separate environments of the same seeds; it also takes `autorese
 """What the pages have in common, by its place in a docstring."""
 
 
-def _page(kind: type[Kind]) -> type[Kind]:
+def page(kind: type[Kind]) -> type[Kind]:
     """Put the common text into the docstring of an environment, which is its page."""
     for name, text in _SHARED.items():
         kind.__doc__ = (kind.__doc__ or "").replace(f"    {{{name}}}", indent(text, "    "))
     return kind
 
 
-@_page
+@page
 class BoxingMentalEnv(RepertoireEnv):
     """Find new boxing movements in a robot's memory by mental simulation.
 
     ## Description
-    The memory is a recurrent network that learned six boxing actions; every point of its two-dimensional PB space is a
-    movement of the robot's arms. One step of the environment is one whole movement: the network generates it in closed
+    The memory is a recurrent network that learned six boxing actions; every point of its PB space is a movement of the
+    robot's arms. One step of the environment is one whole movement: the network generates it in closed
     loop from the PB point that the agent names. Usable movements that are unlike everything the robot knows are
     rewarded and join its repertoire. No physics is involved; `CreativeNao/Boxing-v0` is the same task performed by the
     robot.
+
+    `env.unwrapped.imagine(pb)` generates and scores movements without performing them, up to `n_imagined` an episode.
+    What it returns is, to the bit, what the `info` of performing them here would tell; so it is in the other
+    environments, where the body or a turn of the PB may still make something else of them.
 
     {actions}
 
@@ -102,8 +137,9 @@ class BoxingMentalEnv(RepertoireEnv):
     `non_moving` one earns 0 and does not join. So novelty counts once, and diversity is what is left to earn.
 
     `info` of a step: `pb`, `outcome`, `appropriate`, `nearest`, `nearest_name`, `distance` (to the nearest basic action
-    [rad]), `known_distance` (to everything known before [rad]), `reward_novelty`, `repertoire_size`, `step`,
-    `trajectory` (the scored one, (n_steps, 8) [rad]). At the end of an episode also `episode_measures`:
+    [rad]), `basic_distances` (to every basic action [rad]), `known_distance` (to everything known before [rad]),
+    `reward_novelty`, `repertoire_size`, `step`, `n_imagined` (movements imagined so far), `trajectory` (the scored one,
+    (n_steps, 8) [rad]). At the end of an episode also `episode_measures`:
     `appropriateness_pct`, `novelty` and `diversity` of the repertoire, the paper's three measures.
 
     ## Starting state
@@ -119,11 +155,12 @@ class BoxingMentalEnv(RepertoireEnv):
     {rendering}
 
     ## Version history
-    * v0: first version.
+    * v1: observes every try of the episode and the learned PB points.
+    * v0: first version; stays as it is.
     """
 
 
-@_page
+@page
 class BoxingEnv(RepertoireEnv):
     """Find new boxing movements in a robot's memory and let the NAO perform them in physics.
 
@@ -168,7 +205,8 @@ class BoxingEnv(RepertoireEnv):
     Their performances run in `n_threads` threads.
 
     ## Version history
-    * v0: first version.
+    * v1: observes every try of the episode and the learned PB points.
+    * v0: first version; stays as it is.
     """
 
     physics = True
@@ -181,9 +219,11 @@ class BoxingEnv(RepertoireEnv):
         criteria: Criteria | None = None,
         overlay: bool = False,
         limits: PhysicalLimits | None = None,
+        n_imagined: int = 0,
+        observation: str = CELLS,
     ) -> None:
         self.limits = checked(PhysicalLimits | None, limits, "limits") or PhysicalLimits()
-        super().__init__(memory, n_actions, render_mode, criteria, overlay)
+        super().__init__(memory, n_actions, render_mode, criteria, overlay, n_imagined, observation)
 
     @property
     def performer(self) -> Any:
@@ -202,7 +242,7 @@ class BoxingEnv(RepertoireEnv):
         return self.performer.data
 
 
-@_page
+@page
 class BoxingModulationEnv(RepertoireEnv):
     """Make new boxing movements out of a robot's memory by turning its PB while they unfold.
 
@@ -215,13 +255,11 @@ class BoxingModulationEnv(RepertoireEnv):
 
     {actions}
 
-    ## Observation space
-    `Box(104,) float32`; at the start of an episode everything but the posture is zero. Indices 0 to 84 are those of
-    `CreativeNao/BoxingMental-v0`; all but `pb` and `step` change only when a movement is scored.
-
     {modulated_observation}
-    A movement marks the cells of all its PB vectors. After the last decision of a movement the posture is the one it
-    ended in and P_S is at rest again.
+
+    At the start of an episode the posture is that of the guard. All but `pb`, `path`, `step` and what follows them
+    change only when a movement is scored. A movement marks the cells of all its PB vectors; after its last decision the
+    posture is the one it ended in and P_S is at rest again.
 
     ## Rewards
     0 until a movement has unfolded; then as in `CreativeNao/BoxingMental-v0`. With `physics=True` the robot performs
@@ -246,7 +284,8 @@ class BoxingModulationEnv(RepertoireEnv):
     {rendering}
 
     ## Version history
-    * v0: first version.
+    * v1: observes every try of the episode and the learned PB points.
+    * v0: first version; stays as it is.
     """
 
     _modulated = True
@@ -260,10 +299,12 @@ class BoxingModulationEnv(RepertoireEnv):
         overlay: bool = False,
         physics: bool = False,
         limits: PhysicalLimits | None = None,
+        n_imagined: int = 0,
+        observation: str = CELLS,
     ) -> None:
         self.physics = checked(bool, physics, "physics")
         self.limits = checked(PhysicalLimits | None, limits, "limits") or PhysicalLimits()
-        super().__init__(memory, n_actions, render_mode, criteria, overlay)
+        super().__init__(memory, n_actions, render_mode, criteria, overlay, n_imagined, observation)
 
 
 class BoxingMentalVectorEnv(RepertoireVectorEnv):

@@ -19,8 +19,16 @@ from creative_nao.envs.executors import (
     imagined_executions,
 )
 from creative_nao.envs.memory_set import MemoryLike, MemorySet, RewardSpec
-from creative_nao.envs.observation import ObservationBatch, layout, observation_space
-from creative_nao.envs.rollout import DECISION_TICKS, RolloutBatch
+from creative_nao.envs.observation import (
+    CELLS,
+    ObservationBatch,
+    Track,
+    checked_observation,
+    layout,
+    observation_space,
+    try_columns,
+)
+from creative_nao.envs.rollout import DECISION_TICKS, CandidateBatch, RolloutBatch
 from creative_nao.envs.viewing import Recorder
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures import Criteria
@@ -28,7 +36,7 @@ from creative_nao.measures._dtw_kernels import measure_rows
 from creative_nao.measures.outcome import ALL_OUTCOMES, APPROPRIATE, NO_FAULT, OUTCOME_CODE, outcome_codes
 from creative_nao.model import Memory
 from creative_nao.robot import PhysicalLimits
-from creative_nao.schema import Count, checked
+from creative_nao.schema import Count, Index, checked
 
 EPISODE_ACTIONS = 30
 """Actions in an episode: the sample size of the paper's measures."""
@@ -48,10 +56,14 @@ class EpisodeBatch:
         n_threads: Threads; None for one a processor core.
         render_mode: See `Recorder`.
         overlay: Whether colour frames carry a caption.
+        n_imagined: Movements that may be imagined in an episode.
+        observation: What is observed: `cells`, or the tries of the episode as far as the `Track` of this name knows.
+        rehearsal: Whether a step imagines a movement, and performs one only on demand.
 
     Attributes:
         specs: The memory of each environment's episode.
         n_done: Actions finished in each episode, shape (n_envs,).
+        n_imagined_done: Movements imagined in each episode, shape (n_envs,).
 
     Raises:
         NotFoundError: If there is no such memory.
@@ -70,8 +82,12 @@ class EpisodeBatch:
         n_threads: int | None = 1,
         render_mode: str | None = None,
         overlay: bool = False,
+        n_imagined: int = 0,
+        observation: str = CELLS,
+        rehearsal: bool = False,
     ) -> None:
         self.n_actions = checked(Count, n_actions, "n_actions")
+        self.n_imagined = checked(Count if rehearsal else Index, n_imagined, "n_imagined")
         self.criteria = checked(Criteria | None, criteria, "criteria") or Criteria()
         limits = checked(PhysicalLimits | None, limits, "limits")
         self.shared = SharedScene()
@@ -80,21 +96,28 @@ class EpisodeBatch:
         self.memories = MemorySet(memory, self.criteria)
         first = self.memories.first
         n_basic, joints = first.demonstrations.n_actions, first.demonstrations.joints
-        self.parts = layout(n_basic, first.n_pb)
+        n_slow, n_decisions = 0, 1
         if modulated:
             if not isinstance(first.memory, Memory):
                 raise SettingsError(
                     "`memory` should be a `creative_nao.Memory`, whose network can be stopped between ticks, "
                     f"but is a {type(first.memory).__name__}"
                 )
-            self.parts = layout(n_basic, first.n_pb, len(joints), first.memory.network.layer_sizes[-1])
+            n_slow, n_decisions = first.memory.network.layer_sizes[-1], -(-first.n_steps // DECISION_TICKS)
+        kind = checked_observation(observation, first.n_pb, rehearsal)
+        n_rows = 0 if kind == CELLS else self.n_imagined if rehearsal else self.n_actions
+        told: dict[str, Any] = {"n_decisions": n_decisions, "rehearsal": rehearsal}
+        if n_rows:
+            told["track"] = Track(kind)
+        self.columns = try_columns(n_basic, first.n_pb, **told) if n_rows else ()
+        self.parts = layout(n_basic, first.n_pb, len(joints) if modulated else 0, n_slow, n_rows=n_rows, **told)
         self.executor = None  # movements count as executed the way they were generated
         if limits is not None:
             self.executor = PhysicsExecutor(n_envs, self.threads, self.shared, limits, joints)
-        self.observation_space = observation_space(self.parts)
-        self.observations = ObservationBatch(self.parts, n_envs)
+        self.observation_space = observation_space(self.parts, self.columns)
+        self.observations = ObservationBatch(self.parts, n_envs, self.columns)
         self.archive = RepertoireArchive(n_envs, n_basic, first.n_steps, len(joints))
-        self.n_done = np.zeros(n_envs, np.int64)
+        self.n_done, self.n_imagined_done = np.zeros((2, n_envs), np.int64)
         self.specs: list[RewardSpec] = [first] * n_envs
         self._dt_s = np.zeros(n_envs)
         self._speed_limit = np.zeros((n_envs, len(joints)))
@@ -102,6 +125,8 @@ class EpisodeBatch:
         for env_id in range(n_envs):
             self._use(env_id, first)
         self.rollout = RolloutBatch(self.specs, self.observations) if modulated else None
+        self.candidates = CandidateBatch(n_envs, first.n_steps, len(joints), first.n_pb) if rehearsal else None
+        self.n_action = first.n_pb + rehearsal
 
     @property
     def n_decisions(self) -> int:
@@ -123,22 +148,37 @@ class EpisodeBatch:
             self.archive.clear(env_id)
         else:
             self._use(env_id, spec)
-        self.observations.clear(env_id)
-        self.n_done[env_id] = 0
+        self.observations.begin(env_id, spec.memory.pb)
+        self.n_done[env_id] = self.n_imagined_done[env_id] = 0
         self.recorder.clear(env_id)
         if self.executor is not None:
             self.executor.reset(env_id)
         if self.rollout is not None:
             self.rollout.reset(env_id)
+        if self.candidates is not None:
+            self.candidates.clear(env_id)
+
+    @property
+    def n_episode_steps(self) -> int:
+        """Most steps of an episode."""
+        return self.n_imagined if self.candidates is not None else self.n_actions * self.n_decisions
+
+    def ended(self, env_ids: np.ndarray) -> np.ndarray:
+        """Return whether these episodes are over, (m,) of bool."""
+        ended = self.n_done[env_ids] >= self.n_actions
+        if self.candidates is not None:
+            ended |= self.n_imagined_done[env_ids] >= self.n_imagined
+        return ended
 
     def step(
         self, env_ids: np.ndarray, pb: np.ndarray
     ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray, dict[str, np.ndarray]]:
-        """Step environments: one movement each, or one decision where the PB may change during a movement.
+        """Step environments: one movement each; one decision of it where the PB may change; in rehearsal imagine one.
 
         Args:
             env_ids: Which, shape (m,), rising.
-            pb: PB vectors in [-1, 1], shape (m, n_pb).
+            pb: PB vectors in [-1, 1], shape (m, n_pb); in rehearsal (m, n_pb + 1), above 0 in the end where the best
+                is performed.
 
         Returns:
             Rewards (m,); terms of `info`, arrays over the m environments by name; places among the m of those that
@@ -147,11 +187,14 @@ class EpisodeBatch:
         Raises:
             ShapeError: If a memory does not generate what it should.
         """
+        if self.candidates is not None:
+            return self._rehearse(env_ids, pb[:, :-1], np.flatnonzero(pb[:, -1] > 0.0), self.candidates)
         if self.rollout is None:
             reward, finished_terms = self._whole_movements(env_ids, pb)
             done = self.n_done[env_ids]
             self.observations.set_part(env_ids, "step", np.minimum(done / self.n_actions, 1.0))
-            return reward, {"pb": pb, "step": done}, np.arange(len(env_ids)), finished_terms
+            terms = {"pb": pb, "step": done, "n_imagined": self.n_imagined_done[env_ids]}
+            return reward, terms, np.arange(len(env_ids)), finished_terms
         rollout, n = self.rollout, self.n_decisions
         rollout.advance(env_ids, pb)
         terms = {
@@ -159,6 +202,7 @@ class EpisodeBatch:
             "step": self.n_done[env_ids] * n + rollout.n_decided[env_ids],
             "tick": np.minimum(rollout.n_decided[env_ids] * DECISION_TICKS, self.memories.first.n_steps),
             "posture": rollout.posture[env_ids],
+            "n_imagined": self.n_imagined_done[env_ids],
         }
         reward, finished_terms = np.zeros(len(env_ids)), {}
         (finished,) = (rollout.n_decided[env_ids] == n).nonzero()
@@ -176,22 +220,87 @@ class EpisodeBatch:
         return reward, terms, finished, finished_terms
 
     def _whole_movements(self, env_ids: np.ndarray, pb: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        def by_memory() -> np.ndarray:  # the movements of one memory are generated together, so by one thread
-            return np.argsort([id(self.specs[env_id]) for env_id in env_ids], kind="stable")
+        if self.executor is not None or self.recorder.mode is not None:
+            order = self._by_memory(env_ids)
+            (generated,) = self.threads.map_rows(
+                lambda rows: (self._generate(env_ids[rows], pb[rows]),), len(env_ids), order
+            )
+            return self._execute_and_score(env_ids, pb[:, None], generated)
+        generated, *distances = self._generate_and_compare(env_ids, pb)
+        return self._score(env_ids, pb[:, None], generated, distances)
 
-        def generate(rows: Any) -> tuple[np.ndarray]:
-            return (self._generate(env_ids[rows], pb[rows]),)
+    def _by_memory(self, env_ids: np.ndarray) -> Callable[[], np.ndarray] | None:
+        """Return what sorts rows so that the movements of one memory are generated together, by one thread."""
+        if not self.memories.names:
+            return None
+        return lambda: np.argsort([id(self.specs[env_id]) for env_id in env_ids], kind="stable")
 
-        def generate_and_compare(rows: Any) -> tuple[np.ndarray, ...]:
+    def _generate_and_compare(self, env_ids: np.ndarray, pb: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return the movements of PB points (m, n_pb), or paths (m, n_steps, n_pb), and what `_compare` finds."""
+
+        def work(rows: Any) -> tuple[np.ndarray, ...]:
             generated = self._generate(env_ids[rows], pb[rows])
             return generated, *self._compare(env_ids[rows], generated, generated)
 
-        order = by_memory if self.memories.names else None
-        if self.executor is not None or self.recorder.mode is not None:
-            (generated,) = self.threads.map_rows(generate, len(env_ids), order)
-            return self._execute_and_score(env_ids, pb[:, None], generated)
-        generated, *distances = self.threads.map_rows(generate_and_compare, len(env_ids), order)
-        return self._score(env_ids, pb[:, None], generated, distances)
+        return self.threads.map_rows(work, len(env_ids), self._by_memory(env_ids))
+
+    def _rehearse(
+        self, env_ids: np.ndarray, pb: np.ndarray, finished: np.ndarray, candidates: CandidateBatch
+    ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray, dict[str, np.ndarray]]:
+        """Imagine a movement in each environment; in the `finished` ones among the m, (k,), perform the best."""
+        rows = self.n_imagined_done[env_ids]
+        outcome, imagined = self._imagine(env_ids, pb)
+        self._observe(env_ids, pb[:, None], outcome, imagined, rows)
+        value = np.where(imagined["appropriate"], imagined["reward_novelty"], -1.0)
+        candidates.offer(env_ids, rows, pb, value, imagined["trajectory"])
+        self.observations.mark(env_ids, candidates.row[env_ids], "candidate", only=True)
+        terms = {f"imagined_{name}": values for name, values in imagined.items()}
+        terms |= {"pb": pb, "step": rows + 1, "n_imagined": rows + 1}
+        reward, finished_terms = np.zeros(len(env_ids)), {}
+        if len(finished):
+            who = env_ids[finished]
+            best, performed_pb, generated = candidates.take(who)
+            reward[finished], finished_terms = self._execute_and_score(who, performed_pb[:, None], generated, best)
+            self.observations.mark(who, best, "performed")
+            finished_terms["performed_pb"] = performed_pb
+        self.observations.set_part(env_ids, "step", np.minimum(self.n_done[env_ids] / self.n_actions, 1.0))
+        self.observations.set_part(env_ids, "imagined", (rows + 1) / self.n_imagined)
+        return reward, terms, finished, finished_terms
+
+    def imagine(self, env_ids: np.ndarray, pb: np.ndarray) -> dict[str, np.ndarray]:
+        """Generate and score movements without performing them; of the episodes only the count changes.
+
+        Args:
+            env_ids: Which environments imagine, shape (m,), rising.
+            pb: PB points in [-1, 1], (m, n_pb) or (m, k, n_pb), or the PB vectors of all decisions,
+                (m, k, n_decisions, n_pb).
+
+        Returns:
+            The terms of `info` as they would be if each was performed as it is generated: arrays (m, ...), (m, k, ...).
+
+        Raises:
+            SettingsError: If one of the environments has fewer than k movements left to imagine; then none is imagined.
+        """
+        k = pb.shape[1] if pb.ndim > 2 else 1
+        _, terms = self._imagine(env_ids.repeat(k), pb.reshape(-1, *pb.shape[2 if pb.ndim > 2 else 1 :]))
+        if pb.ndim > 2:
+            terms = {name: values.reshape(len(env_ids), k, *values.shape[1:]) for name, values in terms.items()}
+        return {"pb": pb, **terms}
+
+    def _imagine(self, env_ids: np.ndarray, pb: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        wanted = np.bincount(env_ids, minlength=len(self.n_done))
+        left = self.n_imagined - self.n_imagined_done
+        if (wanted > left).any():
+            env_id = int((wanted > left).argmax())
+            raise SettingsError(
+                f"`pb` should hold at most {left[env_id]} movements to imagine, what is left of `n_imagined` "
+                f"({self.n_imagined}) in this episode, but holds {wanted[env_id]}"
+            )
+        if pb.ndim == 3:
+            pb = pb.repeat(DECISION_TICKS, axis=1)[:, : self.memories.first.n_steps]
+        generated, *distances = self._generate_and_compare(env_ids, pb)
+        self.n_imagined_done += wanted
+        return self._judge(env_ids, generated, distances)
 
     def _generate(self, env_ids: np.ndarray, pb: np.ndarray) -> np.ndarray:
         """Return the movements (m, n_steps, n_joints) of PB points, each by the memory of its environment."""
@@ -224,7 +333,7 @@ class EpisodeBatch:
         return self.archive.compare(env_ids, trajectories), too_fast, excursion
 
     def _execute_and_score(
-        self, env_ids: np.ndarray, pb: np.ndarray, generated: np.ndarray
+        self, env_ids: np.ndarray, pb: np.ndarray, generated: np.ndarray, rows: np.ndarray | None = None
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         dt_s = self._dt_s[env_ids].tolist()
         shown, executions = self.recorder.mode is not None, None
@@ -236,7 +345,7 @@ class EpisodeBatch:
         distances = self.threads.map_rows(
             lambda rows: self._compare(env_ids[rows], generated[rows], trajectories[rows]), len(env_ids)
         )
-        reward, terms = self._score(env_ids, pb, trajectories, distances, executions)
+        reward, terms = self._score(env_ids, pb, trajectories, distances, executions, rows)
         if executions is not None:
             terms |= {name: np.array([one.figures[name] for one in executions]) for name in executions[0].figures}
             captions = zip(terms["outcome"], terms["nearest_name"], reward, strict=True)
@@ -244,18 +353,14 @@ class EpisodeBatch:
                 self.recorder.record(env_id, execution, f"{outcome}, nearest {nearest}, reward {earned:.2f}")
         return reward, terms
 
-    def _score(
+    def _judge(
         self,
         env_ids: np.ndarray,
-        pb: np.ndarray,
         trajectories: np.ndarray,
         distances: Sequence[np.ndarray],
         executions: Sequence[Execution] | None = None,
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Score movements (m, n_steps, n_joints) of PB vectors (m, n, n_pb); update repertoires and observations.
-
-        Returns the rewards, (m,), and the terms of `info`, arrays over the movements by name.
-        """
+        """Return outcome codes (m,) and terms of `info` of movements (m, n_steps, n_joints); changes nothing."""
         archive, fault = self.archive, None
         if executions is not None:
             fault = np.array([NO_FAULT if one.fault is None else OUTCOME_CODE[one.fault] for one in executions])
@@ -270,27 +375,55 @@ class EpisodeBatch:
             learned_threshold=self.criteria.learned_threshold,
         )
         appropriate = outcome < len(APPROPRIATE)
-        scale = archive.scale[env_ids]
-        known = known_distance / scale
-        reward = np.where(appropriate, known, 0.0)
-        archive.accept(env_ids, appropriate, trajectories, to_known)
-        self.n_done[env_ids] += 1
-        self.observations.record_action(
-            env_ids, pb=pb, outcome=outcome, nearest=nearest, novelty=distance / scale, known=known, reward=reward
-        )
         names = [self.specs[env_id].demonstrations.names[k] for env_id, k in zip(env_ids, nearest, strict=True)]
-        terms = {
+        return outcome, {
             "outcome": _OUTCOME_NAMES[outcome],
             "appropriate": appropriate,
             "nearest": nearest,
             "nearest_name": np.array(names, object),
             "distance": distance,
+            "basic_distances": to_basic.copy(),
             "known_distance": known_distance,
-            "reward_novelty": reward.copy(),
-            "repertoire_size": archive.sizes[env_ids] - archive.n_basic,
+            "reward_novelty": np.where(appropriate, known_distance / archive.scale[env_ids], 0.0),
             "trajectory": trajectories,
         }
-        return reward, terms
+
+    def _score(
+        self,
+        env_ids: np.ndarray,
+        pb: np.ndarray,
+        trajectories: np.ndarray,
+        distances: Sequence[np.ndarray],
+        executions: Sequence[Execution] | None = None,
+        rows: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Score movements (m, n_steps, n_joints) of PB vectors (m, n, n_pb); update repertoires and observations.
+
+        `rows` are their rows among the tries observed, (m,). Returns the rewards, (m,), and the terms of `info`, arrays
+        over the movements by name.
+        """
+        outcome, terms = self._judge(env_ids, trajectories, distances, executions)
+        self.archive.accept(env_ids, terms["appropriate"], trajectories, distances[0])
+        self._observe(env_ids, pb, outcome, terms, self.n_done[env_ids] if rows is None else rows)
+        self.n_done[env_ids] += 1
+        terms["repertoire_size"] = self.archive.sizes[env_ids] - self.archive.n_basic
+        return terms["reward_novelty"].copy(), terms
+
+    def _observe(
+        self, env_ids: np.ndarray, pb: np.ndarray, outcome: np.ndarray, terms: dict[str, np.ndarray], rows: np.ndarray
+    ) -> None:
+        scale = self.archive.scale[env_ids]
+        self.observations.record_action(
+            env_ids,
+            pb=pb,
+            outcome=outcome,
+            nearest=terms["nearest"],
+            novelty=terms["distance"] / scale,
+            known=terms["known_distance"] / scale,
+            reward=terms["reward_novelty"],
+            distances=terms["basic_distances"] / scale[:, None],
+            rows=rows,
+        )
 
     def measures(self, env_id: int) -> dict[str, float | None]:
         """Return the paper's three measures of an episode so far; see `RepertoireArchive.measures`."""
@@ -299,25 +432,33 @@ class EpisodeBatch:
     def get_state(self, env_id: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         """Return the state of one episode as JSON-able values and arrays, for `set_state`."""
         values: dict[str, Any] = {"memory": self.specs[env_id].name, "n_actions": int(self.n_done[env_id])}
+        values["n_imagined"] = int(self.n_imagined_done[env_id])
         arrays = {"observation": self.observations.vector(env_id), **self.archive.get_state(env_id)}
         if self.executor is not None:
             arrays |= self.executor.get_state(env_id)
-        if self.rollout is not None:
-            more_values, more_arrays = self.rollout.get_state(env_id)
-            values, arrays = values | more_values, arrays | more_arrays
+        for part in (self.rollout, self.candidates):
+            if part is not None:
+                more_values, more_arrays = part.get_state(env_id)
+                values, arrays = values | more_values, arrays | more_arrays
         return values, arrays
 
     def set_state(self, env_id: int, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
         """Restore what `get_state` returned; the errors are those of `MemorySet.named` and `RolloutBatch.set_state`."""
+        if values["n_imagined"] > self.n_imagined:
+            raise SettingsError(
+                f"`state`: its `n_imagined` should be at most {self.n_imagined}, which may be imagined here, "
+                f"but is {values['n_imagined']}"
+            )
         self._use(env_id, self.memories.named(values["memory"], "`state`"))
-        self.n_done[env_id] = values["n_actions"]
+        self.n_done[env_id], self.n_imagined_done[env_id] = values["n_actions"], values["n_imagined"]
         self.observations.set_vector(env_id, arrays["observation"])
         self.archive.set_state(env_id, arrays)
         self.recorder.clear(env_id)
         if self.executor is not None:
             self.executor.set_state(env_id, arrays)
-        if self.rollout is not None:
-            self.rollout.set_state(env_id, values, arrays)
+        for part in (self.rollout, self.candidates):
+            if part is not None:
+                part.set_state(env_id, values, arrays)
 
     def close(self) -> None:
         """End the threads and free what drawing took; may be called again."""

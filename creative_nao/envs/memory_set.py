@@ -69,8 +69,11 @@ class RewardSpec:
         self.excursion_limit = excursion_limit(basic, criteria)
 
     def generate(self, pb: np.ndarray) -> np.ndarray:
-        """Return the movements of PB points (n, n_pb), (n, n_steps, n_joints) [rad]; another shape: ShapeError."""
-        trajectories = self.memory.generate(pb)
+        """Return the movements of PB points (n, n_pb), (n, n_steps, n_joints) [rad]; another shape: ShapeError.
+
+        Where the network can be stopped between ticks the PB may move: (n, n_steps, n_pb).
+        """
+        trajectories = self.memory.generate(pb) if pb.ndim == 2 else self.memory.generator(pb, self.n_steps)
         expected = len(pb), self.n_steps, len(self.demonstrations.joints)
         if np.shape(trajectories) != expected:
             raise ShapeError(

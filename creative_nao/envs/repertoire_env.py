@@ -11,6 +11,7 @@ from gymnasium.spaces import Box
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS, EpisodeBatch
 from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
+from creative_nao.envs.observation import CELLS, Parts
 from creative_nao.envs.spec import Specified
 from creative_nao.envs.state import EnvState, generator_from, generator_state
 from creative_nao.envs.viewing import RENDER_MODES
@@ -30,6 +31,9 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         render_mode: One of ``metadata["render_modes"]`` or None.
         criteria: Where the lines between outcomes are drawn, also as a dictionary; default: the paper's.
         overlay: Whether colour frames carry a caption: outcome, nearest basic action, reward.
+        n_imagined: How many movements `imagine` may imagine in an episode.
+        observation: What is observed: ``cells`` as in -v0; else every try of the episode, as far as the `Track` of this
+            name knows: ``outcomes``, ``points``, or ``trajectories`` as in -v1.
 
     Raises:
         NotFoundError: If there is no such memory.
@@ -41,6 +45,7 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         "render_fps": round(1 / FRAME_DT_S),
     }
     _modulated = False
+    _rehearsal = False
     physics = False
     """Whether the robot performs each movement."""
     limits = PhysicalLimits()
@@ -53,10 +58,13 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         render_mode: str | None = None,
         criteria: Criteria | None = None,
         overlay: bool = False,
+        n_imagined: int = 0,
+        observation: str = CELLS,
     ) -> None:
         batch = EpisodeBatch(
-            memory, 1, n_actions, criteria, modulated=self._modulated,
+            memory, 1, n_actions, criteria, modulated=self._modulated, rehearsal=self._rehearsal,
             limits=self.limits if self.physics else None, render_mode=render_mode, overlay=overlay,
+            n_imagined=n_imagined, observation=observation,
         )  # fmt: skip
         self._join(batch, 0)
 
@@ -64,10 +72,10 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         """Be the environment of one episode of a batch."""
         self._batch, self._env_id, self._env_ids = batch, env_id, np.array([env_id])
         self.render_mode = batch.recorder.mode
-        self.n_actions = batch.n_actions
+        self.n_actions, self.n_imagined = batch.n_actions, batch.n_imagined
         self.criteria = batch.criteria
         self.observation_space = batch.observation_space
-        self.action_space = Box(-1.0, 1.0, (batch.memories.first.n_pb,), np.float32)
+        self.action_space = Box(-1.0, 1.0, (batch.n_action,), np.float32)
 
     @classmethod
     def of_batch(cls, batch: EpisodeBatch, env_id: int, **attributes: Any) -> Self:
@@ -81,6 +89,26 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
     def n_decisions(self) -> int:
         """Steps that one action takes."""
         return self._batch.n_decisions
+
+    @property
+    def max_episode_steps(self) -> int:
+        """Most steps of an episode."""
+        return self._batch.n_episode_steps
+
+    @property
+    def n_imagined_used(self) -> int:
+        """Movements imagined in this episode so far."""
+        return int(self._batch.n_imagined_done[self._env_id])
+
+    @property
+    def observation_parts(self) -> Parts:
+        """Parts of the observation, in order."""
+        return self._batch.parts
+
+    @property
+    def try_columns(self) -> Parts:
+        """Columns of one try in the part `tries` of the observation; none where it has no such part."""
+        return self._batch.columns
 
     @property
     def memory(self) -> Any:
@@ -128,20 +156,37 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
             SettingsError: If the episode has ended.
         """
         batch, env_id = self._batch, self._env_id
-        if batch.n_done[env_id] >= self.n_actions:
-            raise SettingsError(f"the episode has ended after {self.n_actions} movements; begin another with `reset`")
+        if batch.ended(self._env_ids)[0]:
+            raise SettingsError(
+                f"the episode has ended after {batch.n_done[env_id]} movements; begin another with `reset`"
+            )
         pb = checked_pb(action, self.action_space.shape)[None]
-        rewards, terms, finished, finished_terms = batch.step(self._env_ids, pb)
-        truncated = int(batch.n_done[env_id]) >= self.n_actions
-        info: dict[str, Any] = {}
-        for name, values in (*terms.items(), *finished_terms.items()):
-            value = values[0]
-            info[name] = value.item() if isinstance(value, np.generic) else value
-        if truncated and len(finished):
+        rewards, terms, _, finished_terms = batch.step(self._env_ids, pb)
+        truncated = bool(batch.ended(self._env_ids)[0])
+        info = _first({**terms, **finished_terms})
+        if truncated:
             info["episode_measures"] = batch.measures(env_id)
         if self.render_mode == "human":
             self.render()
         return batch.observations.vector(env_id), float(rewards[0]), False, truncated, info
+
+    def imagine(self, pb: np.ndarray) -> dict[str, Any]:
+        """Generate and score movements without performing them; nothing changes but the count `n_imagined_used`.
+
+        Args:
+            pb: One PB vector, shape (n_pb,), or several, (n, n_pb), each of them one of the budget `n_imagined`. Where
+                the PB may change during a movement also those of all its decisions, (n, n_decisions, n_pb). Values
+                beyond [-1, 1] are clipped.
+
+        Returns:
+            The terms that `info` would have if they were performed now, in `BoxingMental` to the bit: plain values for
+            one vector, else arrays over the n movements.
+
+        Raises:
+            ShapeError: If `pb` has another shape or is not finite.
+            SettingsError: If that is more than what is left of the budget; then nothing is imagined.
+        """
+        return _first(self._batch.imagine(self._env_ids, checked_points(pb, self._batch)[None]))
 
     def render(self) -> Any:
         """Show what was executed since the last call.
@@ -178,6 +223,13 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         self._np_random = generator_from(state.values["random"])
 
 
+def _first(terms: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Return the terms of the first movement as plain values."""
+    return {
+        name: value.item() if isinstance(value := values[0], np.generic) else value for name, values in terms.items()
+    }
+
+
 def checked_options(options: Any, known: tuple[str, ...]) -> dict[str, Any]:
     """Return the options of `reset`, an empty dictionary for None; what is no dictionary of `known` ones is refused."""
     for name in (chosen := checked(dict[str, Any] | None, options, "options") or {}):
@@ -186,6 +238,28 @@ def checked_options(options: Any, known: tuple[str, ...]) -> dict[str, Any]:
                 f"`options`: no option `{name}`{nearest_name(name, known)}; there are {', '.join(known)}"
             )
     return chosen
+
+
+def checked_points(pb: Any, batch: EpisodeBatch, n_envs: int | None = None) -> np.ndarray:
+    """Return what is to be imagined as float64, clipped to [-1, 1]; other shapes or what is not finite: ShapeError.
+
+    That is (n_pb,), (n, n_pb) or (n, n_decisions, n_pb), for `n_envs` environments with that in front.
+    """
+    try:
+        points = np.asarray(pb, dtype=np.float64)
+    except (TypeError, ValueError):
+        points = np.empty(0)
+    n_pb, ahead = batch.memories.first.n_pb, () if n_envs is None else (n_envs,)
+    shapes = [(n_pb,), ("n", n_pb)] + ([("n", batch.n_decisions, n_pb)] if batch.rollout is not None else [])
+    shapes = [(*ahead, *shape) for shape in shapes]
+    fits = any(
+        points.ndim == len(shape) and all(size in ("n", have) for size, have in zip(shape, points.shape, strict=True))
+        for shape in shapes
+    )
+    if not fits or not points.size or not np.isfinite(points).all() or isinstance(pb, np.ma.MaskedArray):
+        forms = " or ".join(str(shape).replace("'", "") for shape in shapes)
+        raise ShapeError(f"`pb` should be finite PB vectors of shape {forms}, but is {pb!r:.200}")
+    return np.minimum(np.maximum(points, -1.0), 1.0)
 
 
 def checked_pb(action: Any, shape: tuple[int, ...] | None) -> np.ndarray:

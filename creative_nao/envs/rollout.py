@@ -1,4 +1,8 @@
-"""Movements under way: the PB may change every few ticks, the state of the network goes on."""
+"""What lasts from step to step beside the repertoire: movements under way, and movements that wait to be performed.
+
+- `RolloutBatch`: the PB may change every few ticks of a movement, the state of the network goes on.
+- `CandidateBatch`: the best movement imagined since the last performance.
+"""
 
 from __future__ import annotations
 
@@ -74,8 +78,11 @@ class RolloutBatch:
             self.n_decided[env_id] = decided + 1
 
     def observe(self, env_ids: np.ndarray) -> None:
-        """Write posture, P_S and phase into the observations."""
+        """Write posture, P_S, phase and the PB vectors so far into the observations."""
         observations = self._observations
+        decided = np.arange(self.n_decisions) < self.n_decided[env_ids, None]
+        path = np.where(decided[:, :, None], self.pb[env_ids], 0.0)
+        observations.set_part(env_ids, "path", path.reshape(len(env_ids), -1))
         share = 2.0 * (self.posture[env_ids] - self._low) / (self._high - self._low) - 1.0
         observations.set_part(env_ids, "posture", np.minimum(np.maximum(share, -1.0), 1.0))
         n_slow = self._generator(0).n_slow
@@ -110,3 +117,59 @@ class RolloutBatch:
         self.angles[env_id] = arrays["unfolded"]
         self.pb[env_id] = arrays["pb_path"]
         self.posture[env_id] = arrays["posture"]
+
+
+class CandidateBatch:
+    """The best movement that each of `n_envs` robots imagined since it performed one; if none is usable, the last.
+
+    Args:
+        n_envs: How many robots.
+        n_steps: Ticks of a movement.
+        n_joints: Joints.
+        n_pb: PB units.
+
+    Attributes:
+        row: The how manieth imagined movement of the episode it is, from 0; -1 before there is one, shape (n_envs,).
+    """
+
+    def __init__(self, n_envs: int, n_steps: int, n_joints: int, n_pb: int) -> None:
+        self.row = np.full(n_envs, -1)
+        self._value = np.full(n_envs, -1.0)
+        self._pb = np.zeros((n_envs, n_pb))
+        self._trajectory = np.zeros((n_envs, n_steps, n_joints))
+
+    def clear(self, env_ids: Any) -> None:
+        """Forget the candidates of these robots."""
+        self.row[env_ids], self._value[env_ids] = -1, -1.0
+
+    def offer(
+        self, env_ids: np.ndarray, rows: np.ndarray, pb: np.ndarray, value: np.ndarray, trajectories: np.ndarray
+    ) -> None:
+        """Take what was imagined where it is worth more than the candidate; `value` (m,) is -1 if it is not usable."""
+        better = (value > self._value[env_ids]) | (self._value[env_ids] < 0.0)
+        who = env_ids[better]
+        self.row[who], self._value[who] = rows[better], value[better]
+        self._pb[who], self._trajectory[who] = pb[better], trajectories[better]
+
+    def take(self, env_ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return rows (m,), PB vectors (m, n_pb) and movements (m, n_steps, n_joints) of candidates; forget them."""
+        taken = self.row[env_ids], self._pb[env_ids], self._trajectory[env_ids]
+        self.clear(env_ids)
+        return taken
+
+    def get_state(self, env_id: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """Return a candidate as JSON-able values and arrays, for `set_state`."""
+        arrays = {"candidate_pb": self._pb[env_id], "candidate_trajectory": self._trajectory[env_id]}
+        arrays["candidate_value"] = self._value[env_id : env_id + 1]
+        return {"candidate": int(self.row[env_id]) + 1}, {name: array.copy() for name, array in arrays.items()}
+
+    def set_state(self, env_id: int, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+        """Restore what `get_state` returned; a candidate that was not imagined raises SettingsError."""
+        if values["candidate"] > values["n_imagined"]:
+            raise SettingsError(
+                f"`state`: its `candidate` should be at most its `n_imagined`, {values['n_imagined']}, "
+                f"but is {values['candidate']}"
+            )
+        self.row[env_id] = values["candidate"] - 1
+        self._value[env_id] = arrays["candidate_value"][0]
+        self._pb[env_id], self._trajectory[env_id] = arrays["candidate_pb"], arrays["candidate_trajectory"]

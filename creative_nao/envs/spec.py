@@ -73,7 +73,7 @@ class Specified:
         values: dict[str, Any] = {
             field.name: getattr(spec, field.name) for field in dataclasses.fields(spec) if field.init
         }
-        values["max_episode_steps"] = self.n_actions * self.n_decisions
+        values["max_episode_steps"] = self.max_episode_steps
         values["kwargs"] = {
             name: os.fspath(value) if isinstance(value, os.PathLike) else value
             for name, value in spec.kwargs.items()

@@ -100,7 +100,7 @@ class EnvState:
         for name, array in arrays.items():
             if array.dtype.kind == "f" and not np.isfinite(array).all():
                 raise FileFormatError(f"{path}: the array `{name[:60]}` should hold finite numbers, but does not")
-        return cls(header.of, header.values, arrays)
+        return cls(header.of, {"n_imagined": 0, **header.values}, arrays)  # states of 0.1.0 count none
 
 
 def generator_state(rng: np.random.Generator | None) -> dict[str, Any] | None:

@@ -16,7 +16,8 @@ from gymnasium.vector.utils import batch_space
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS, EpisodeBatch
 from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
-from creative_nao.envs.repertoire_env import RepertoireEnv, checked_options, checked_pb
+from creative_nao.envs.observation import CELLS, Parts
+from creative_nao.envs.repertoire_env import RepertoireEnv, checked_options, checked_pb, checked_points
 from creative_nao.envs.spec import EpisodeLength, Specified
 from creative_nao.envs.state import EnvState
 from creative_nao.envs.viewing import RENDER_MODES
@@ -42,6 +43,8 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
             Gymnasium does by default), `SAME_STEP` (the new one begins at once, the old one's end is in `final_obs` and
             `final_info`) or `DISABLED` (`reset(options={"reset_mask": mask})` begins it).
         n_threads: Threads; None for one a processor core.
+        n_imagined: How many movements each sub-environment may imagine in an episode.
+        observation: What is observed, as of the single environment.
         max_episode_steps: Handed over by `gymnasium.make_vec`; the length of an episode is set by `n_actions` alone.
 
     Raises:
@@ -64,6 +67,8 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         overlay: bool = False,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         n_threads: int | None = None,
+        n_imagined: int = 0,
+        observation: str = CELLS,
         max_episode_steps: int | None = None,
     ) -> None:
         num_envs = checked(Count, num_envs, "num_envs")
@@ -75,14 +80,18 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
             known = ", ".join(mode.value for mode in AutoresetMode)
             raise SettingsError(f"`autoreset_mode` should be one of {known}, but is {autoreset_mode!r}") from error
         self._batch = EpisodeBatch(
-            memory, num_envs, n_actions, criteria, modulated=self.single_class._modulated,
+            memory, num_envs, n_actions, criteria,
+            modulated=self.single_class._modulated, rehearsal=self.single_class._rehearsal,
             limits=self.limits if self.physics else None,
             n_threads=n_threads, render_mode=render_mode, overlay=overlay,
+            n_imagined=n_imagined, observation=observation,
         )  # fmt: skip
-        self.num_envs, self.n_actions, self.render_mode = num_envs, self._batch.n_actions, render_mode
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self.n_actions, self.n_imagined = self._batch.n_actions, self._batch.n_imagined
+        setting = "n_imagined" if self.single_class._rehearsal else "n_actions"
         length = None if isinstance(max_episode_steps, EpisodeLength) else max_episode_steps
-        if checked(Count | None, length, "max_episode_steps") not in (None, n := self.n_actions * self.n_decisions):
-            raise SettingsError(f"`max_episode_steps` should be {n}, as `n_actions` sets it, but is {length}")
+        if checked(Count | None, length, "max_episode_steps") not in (None, n := self.max_episode_steps):
+            raise SettingsError(f"`max_episode_steps` should be {n}, as `{setting}` sets it, but is {length}")
         self.metadata = {
             "render_modes": [mode for mode in RENDER_MODES if mode != "human"],
             "render_fps": round(1 / FRAME_DT_S),
@@ -100,7 +109,7 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
     @property
     def _ended(self) -> np.ndarray:
         """Which episodes are over and were not begun anew, (num_envs,)."""
-        return self._batch.n_done >= self.n_actions
+        return self._batch.ended(np.arange(self.num_envs))
 
     @property
     def n_decisions(self) -> int:
@@ -111,6 +120,49 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
     def memories(self) -> tuple[Any, ...]:
         """The memory of each sub-environment's episode."""
         return tuple(spec.memory for spec in self._batch.specs)
+
+    @property
+    def max_episode_steps(self) -> int:
+        """Most steps of an episode."""
+        return self._batch.n_episode_steps
+
+    @property
+    def n_imagined_used(self) -> np.ndarray:
+        """Movements imagined in each sub-environment's episode so far, (num_envs,)."""
+        return self._batch.n_imagined_done.copy()
+
+    @property
+    def observation_parts(self) -> Parts:
+        """Parts of one sub-environment's observation, in order."""
+        return self._batch.parts
+
+    @property
+    def try_columns(self) -> Parts:
+        """Columns of one try in the part `tries` of the observation; none where it has no such part."""
+        return self._batch.columns
+
+    def imagine(self, pb: np.ndarray, env_ids: Any = None) -> dict[str, np.ndarray]:
+        """Generate and score movements without performing them, as the single environment's `imagine` does.
+
+        Args:
+            pb: What each of the sub-environments imagines: (m, n_pb), (m, n, n_pb) for n movements each, or, where the
+                PB may change during a movement, (m, n, n_decisions, n_pb).
+            env_ids: Which sub-environments, m rising numbers; None for all.
+
+        Returns:
+            The terms that `info` would have if they were performed, arrays (m, ...) or (m, n, ...).
+
+        Raises:
+            ShapeError: If `pb` has another shape or is not finite.
+            SettingsError: If `env_ids` are no such numbers, or one has less left of its budget; then none imagines.
+        """
+        who = np.arange(self.num_envs) if env_ids is None else np.asarray(env_ids)
+        fits = who.ndim == 1 and who.size > 0 and who.dtype.kind in "iu"
+        if not fits or who[0] < 0 or who[-1] >= self.num_envs or (np.diff(who) <= 0).any():
+            raise SettingsError(
+                f"`env_ids` should be rising numbers of sub-environments below {self.num_envs}, but is {env_ids!r:.80}"
+            )
+        return self._batch.imagine(who, checked_points(pb, self._batch, len(who)))
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method of each sub-environment, or get an attribute, as Gymnasium's own vector environments do."""
@@ -216,7 +268,7 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         rewards, truncated = np.zeros(self.num_envs), np.zeros(self.num_envs, bool)
         if len(env_ids):
             rewards[env_ids], terms, finished, finished_terms = batch.step(env_ids, pb[env_ids])
-            truncated[env_ids] = batch.n_done[env_ids] >= self.n_actions
+            truncated[env_ids] = batch.ended(env_ids)
             parts = [(env_ids, terms), (env_ids[finished], finished_terms)]
             if self.autoreset_mode is AutoresetMode.SAME_STEP and truncated.any():
                 infos |= self._end_and_begin(parts, truncated)

@@ -15,9 +15,9 @@ from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 MENTAL = "CreativeNao/BoxingMental-v0"
 
 
-@pytest.mark.parametrize("env_id", ENVIRONMENTS)
+@pytest.mark.parametrize("env_id", [name for name in ENVIRONMENTS if name[-3:] == "-v0" and "Rehearsal" not in name])
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_every_algorithm_ships_an_entry_for_every_environment(algorithm, env_id):
+def test_every_algorithm_ships_an_entry_for_every_environment_of_the_first_release(algorithm, env_id):
     found = read_hyperparameters(algorithm, env_id)
     assert found.algorithm == algorithm
     assert found.env_kwargs == {"memory": "train"}

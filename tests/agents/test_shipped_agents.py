@@ -13,8 +13,9 @@ from creative_nao.model import split_memories
 from creative_nao.runtime import versions
 
 
-def test_ppo_and_sac_ship_for_every_environment():
-    wanted = {f"{agent}/{env.rpartition('/')[2]}" for agent in ("ppo", "sac") for env in ENVIRONMENTS}
+def test_ppo_and_sac_ship_for_every_environment_of_the_first_release():
+    first = [env.rpartition("/")[2] for env in ENVIRONMENTS if env[-3:] == "-v0" and "Rehearsal" not in env]
+    wanted = {f"{agent}/{env}" for agent in ("ppo", "sac") for env in first}
     assert wanted <= set(shipped_agents())
 
 

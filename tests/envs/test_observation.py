@@ -8,11 +8,12 @@ PARTS = {part.name: slice(part.start, part.stop) for part in layout()}
 ONE = np.zeros(1, np.int64)
 
 
-def record(observations, **changes):
+def record(observations, row=0, **changes):
     given = {"pb": [0.5, -0.5], "outcome": "unlearned", "nearest": 2, "novelty": 1.0, "known": 0.5, "reward": 0.5}
     given |= changes
     given["outcome"] = ALL_OUTCOMES.index(given["outcome"])
     pb = np.array(given.pop("pb"), dtype=float).reshape(1, -1, 2)
+    given |= {"distances": np.arange(6.0), "rows": row}
     observations.record_action(ONE, pb=pb, **{name: np.array([value]) for name, value in given.items()})
     return observations.vector()
 
@@ -79,5 +80,5 @@ def test_robots_side_by_side_see_their_own():
     observations.set_part(np.array([0, 2]), "step", np.array([0.25, 0.5]))
 
     assert observations.vectors()[:, PARTS["step"]].ravel().tolist() == [0.25, 0.0, 0.5]
-    observations.clear(2)
+    observations.begin(2, np.zeros((6, 2)))
     assert not observations.vector(2).any()

@@ -9,6 +9,7 @@ import gymnasium as gym
 import pytest
 
 from creative_nao.envs import ENVIRONMENTS, BoxingEnv
+from creative_nao.envs.observation import observation_space
 from creative_nao.measures.outcome import ALL_OUTCOMES
 from creative_nao.robot import PhysicalLimits
 from creative_nao.robot.performance import FALL_HEIGHT_M, FALL_TILT_RAD
@@ -27,10 +28,16 @@ def section(env, title):
     return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", text, re.DOTALL | re.MULTILINE).group(1)
 
 
+def tables(text):
+    """Rows of each table of a section, without its head."""
+    blocks = re.findall(r"(?:^\|.*\n?)+", text, re.MULTILINE)
+    return [
+        [[cell.strip() for cell in line.strip("|").split(" | ")] for line in block.splitlines()[2:]] for block in blocks
+    ]
+
+
 def table(text):
-    """Rows of the first table of a section, without its head."""
-    lines = [line for line in text.splitlines() if line.startswith("|")]
-    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:]]
+    return tables(text)[0]
 
 
 def test_the_table_of_actions_is_the_space(env):
@@ -42,20 +49,23 @@ def test_the_table_of_actions_is_the_space(env):
         assert unit == "1"
 
 
-def test_the_table_of_observations_is_the_space(env):
+def test_the_tables_of_observations_are_the_space(env):
     """Index, name, meaning and range of every row are those of the layout, and nothing is left out."""
-    text, parts = section(env, "Observation space"), env._batch.parts
-    rows = table(text)
+    text, space, parts = section(env, "Observation space"), env.observation_space, env.observation_parts
+    after = text[text.index(f'`observation="{"trajectories" if env.try_columns else "cells"}"`') :]
 
-    assert f"`Box({env.observation_space.shape[0]},) float32`" in text
-    assert [row[1] for row in rows] == [part.name for part in parts]
-    for (index, _, meaning, low, high, _), part in zip(rows, parts, strict=True):
-        first, _, last = index.partition("-")
-        assert (int(first), int(last or first) + 1) == (part.start, part.stop)
-        assert meaning == part.meaning
-        where = slice(part.start, part.stop)
-        assert (env.observation_space.low[where] == float(low)).all()
-        assert (env.observation_space.high[where] == float(high)).all()
+    assert f": `Box({space.shape[0]},) float32`" in after.partition("\n")[0]
+    for rows, described in zip(tables(after), filter(None, (parts, env.try_columns)), strict=False):
+        assert [row[1] for row in rows] == [part.name for part in described]
+        for (index, _, meaning, low, high, _), part in zip(rows, described, strict=True):
+            first, _, last = index.partition("-")
+            assert (int(first), int(last or first) + 1) == (part.start, part.stop)
+            assert (meaning, float(low), float(high)) == (part.meaning, part.low, 1.0)
+    assert space == observation_space(parts, env.try_columns)
+    for part in parts:
+        if part.name != "tries":
+            assert (space.low[part.start : part.stop] == part.low).all()
+    assert (space.high == 1.0).all()
 
 
 def test_the_outcomes_are_all_there(env):
@@ -71,12 +81,20 @@ def test_the_arguments_and_their_defaults_are_those_of_the_constructor(env):
         assert default.strip("`").strip('"') == str(arguments[name].default), name
 
 
+def test_the_version_decides_the_observation():
+    """-v1 is -v0 with another setting."""
+    for name in ("Boxing", "BoxingMental", "BoxingModulation"):
+        old, new = (gym.spec(f"CreativeNao/{name}-v{k}") for k in range(2))
+        assert (old.entry_point, old.vector_entry_point) == (new.entry_point, new.vector_entry_point)
+        assert (old.kwargs, new.kwargs) == ({}, {"observation": "trajectories"})
+
+
 def test_the_length_of_an_episode_is_the_one_told(env):
     text = section(env, "Episode end")
 
     assert f"`n_actions` ({env.n_actions})" in text
-    if env.n_decisions > 1:
-        assert f"{env.n_actions * env.n_decisions} steps" in text
+    if env.max_episode_steps > env.n_actions:
+        assert re.search(rf"\b{env.max_episode_steps}\s+steps", text)
 
 
 def test_every_page_has_all_sections(env):
