@@ -13,6 +13,11 @@ Errors: `CreativeNaoError` and its children.
 Names are loaded when first used; importing the package loads neither torch nor mujoco.
 """
 
+import sys
+
+if sys.argv[:1] == ["-m"] and not sys.flags.safe_path:  # python -m creative_nao: the current folder is searched last
+    sys.path.append(sys.path.pop(0))
+
 import lazy_loader
 
 from creative_nao.envs import register_environments

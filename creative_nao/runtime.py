@@ -1,4 +1,4 @@
-"""What every result carries, the command, settings and versions that made it; and the cores this process may use."""
+"""What every result carries: command, settings and versions that made it. The cores and children of this process."""
 
 from __future__ import annotations
 
@@ -52,3 +52,21 @@ def sha256(path: str | os.PathLike[str]) -> str:
 def usable_cores() -> int:
     """Return the cores that this process may use: fewer than the machine has where it is held to some of them."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def python_command(module: str, *arguments: str | os.PathLike[str]) -> list[str]:
+    """Return the command of a child interpreter that runs `main(arguments)` of a module of this very package.
+
+    Nothing is imported from the current folder (``-P``), where a stranger's `numpy.py` may lie, and from the folder of
+    this package only what is found nowhere else.
+    """
+    folder = str(Path(__file__).parents[1])
+    begin = f"import sys; sys.path.insert(0, {folder!r}); import creative_nao; sys.path.append(sys.path.pop(0)); "
+    code = f"{begin}from {module} import main; sys.exit(main(sys.argv[1:]))"
+    return [sys.executable, "-P", "-c", code, *map(str, arguments)]
+
+
+def search_current_folder() -> None:
+    """Let modules that the user named be found in the current folder too, after all others."""
+    if (here := os.getcwd()) not in sys.path and "" not in sys.path:
+        sys.path.append(here)

@@ -53,6 +53,8 @@ class Agent(ABC):
     name: ClassVar[str]
     learns_within_episode: ClassVar[bool] = False
     """Whether `tell` changes what `ask` returns later in the same episode."""
+    n_actions_training: int = 0
+    """Actions generated before it plays, in its training; results list them. A policy or function may have it too."""
 
     _context: Context | None = None
     _n_asked = 0

@@ -6,6 +6,7 @@ checked that way.
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Annotated, Any, NamedTuple
@@ -18,6 +19,7 @@ from pydantic import Field
 
 from creative_nao.agents.base import Agent, Context, Policy, PolicyAgent, check_kind
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.runtime import search_current_folder
 from creative_nao.schema import Index, LongText, checked, dump, record
 
 MEASURES = ("appropriateness_pct", "novelty", "diversity")
@@ -207,10 +209,17 @@ def evaluate_policy(
 
 
 def check_env(env_id: str) -> EnvSpec:
-    """Return the entry of an environment's name; a `NotFoundError` offers the nearest."""
+    """Return the entry of an environment's name; a `NotFoundError` offers the nearest.
+
+    The module of ``module:Name-v0`` is imported; the current folder is searched for it last.
+    """
+    module, colon, name = checked(str, env_id, "env_id").rpartition(":")
     try:
-        return gym.spec(checked(str, env_id, "env_id"))
-    except (gym.error.Error, ImportError) as error:
+        if colon:
+            search_current_folder()
+            importlib.import_module(module)
+        return gym.spec(name)
+    except (gym.error.Error, ImportError, ValueError) as error:
         from creative_nao.envs import ENVIRONMENTS
 
         raise NotFoundError(

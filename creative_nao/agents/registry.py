@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
-import sys
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
@@ -16,7 +16,8 @@ from creative_nao.agents.base import Agent, Context, PolicyAgent
 from creative_nao.agents.bundle import find_bundle, load_bundle, shipped_agents
 from creative_nao.agents.settings import ALGORITHMS
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
-from creative_nao.schema import checked
+from creative_nao.runtime import search_current_folder
+from creative_nao.schema import Index, checked
 
 UNTRAINED: dict[str, Callable[[], Agent]] = {
     agent.name: agent
@@ -158,31 +159,30 @@ def load_entry_point(name: str) -> Agent:
     """Import a module, call its factory and return the agent, listed in results under the name typed.
 
     The factory takes no arguments and returns an `Agent`, anything with the `predict` of Stable-Baselines3, or a
-    function from observations to PB vectors; a subclass of `Agent` is such a factory. The current directory is
-    searched after the installed packages.
+    function from observations to PB vectors; a subclass of `Agent` is such a factory. What it returns may have an
+    attribute `n_actions_training`, the actions generated in its training. The current directory is searched after the
+    installed packages.
 
     Args:
         name: As `package.module:factory`.
 
     Raises:
         NotFoundError: If there is no such module or factory; the message offers the nearest name.
-        SettingsError: If the name has another form, or what it names is no factory of an agent.
+        SettingsError: If the name has another form, what it names is no factory of an agent, or the user's code fails.
     """
     if not isinstance(name, str) or not is_entry_point(name):
         raise SettingsError(f"an agent of your own is named `package.module:factory`, but this is `{name}`")
     module, _, path = name.partition(":")
-    here = os.getcwd()
-    if here not in sys.path and "" not in sys.path:
-        # An installed command does not search the directory it is called in, where a script of one's own lies.
-        sys.path.append(here)
+    search_current_folder()  # an installed command does not search it, and there lies a script of one's own
     try:
         factory: Any = importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        if error.name is not None and (module == error.name or module.startswith(f"{error.name}.")):
+    except Exception as error:
+        missing = error.name if isinstance(error, ModuleNotFoundError) else None
+        if missing is not None and (module == missing or module.startswith(f"{missing}.")):
             raise NotFoundError(
-                f"agent `{name}`: there is no module `{module}`; it should be installed, or lie in {here}"
+                f"agent `{name}`: there is no module `{module}`; it should be installed, or lie in {os.getcwd()}"
             ) from error
-        raise
+        raise SettingsError(f"agent `{name}`: importing `{module}` fails: {_told(error)}") from error
     for part in path.split("."):
         if not hasattr(factory, part):
             known = [word for word in dir(factory) if not word.startswith("_")]
@@ -190,7 +190,20 @@ def load_entry_point(name: str) -> Agent:
         factory = getattr(factory, part)
     if not callable(factory):
         raise SettingsError(f"agent `{name}` should name a function that makes an agent, but is {factory!r}")
-    return as_agent(factory(), name=name)
+    try:
+        made = factory()
+    except Exception as error:
+        raise SettingsError(f"agent `{name}`: `{path}` fails: {_told(error)}") from error
+    agent = as_agent(made, name=name)
+    trained = getattr(made, "n_actions_training", 0)
+    agent.n_actions_training = checked(Index, trained, f"n_actions_training` of agent `{name}")
+    return agent
+
+
+def _told(error: Exception) -> str:
+    """Return what an error of the user's own code says and where, in one line."""
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} ({os.path.basename(where.filename)}, line {where.lineno})"
 
 
 def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
@@ -208,6 +221,8 @@ def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
     """
     known = checked(str, name, "name") in NAMES
     if bundle is None and not known:
+        if is_entry_point(name):  # also where a file has this name: ./package.module:factory names the file
+            return load_entry_point(name)
         if name in shipped_agents() or Path(name).is_file():
             bundle = name
         elif ":" in name:

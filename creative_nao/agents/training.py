@@ -173,8 +173,7 @@ def make_model(chosen: Hyperparameters, env_id: str, *, seed: int, env_kwargs: d
 
     torch.set_num_threads(1)  # networks this small gain nothing from more, and lose much on busy cores
     try:
-        # One in a module, `module:Name-v0`, is unknown until it is made.
-        if ":" not in checked(str, env_id, "env_id") and check_env(env_id).vector_entry_point is not None:
+        if check_env(env_id).vector_entry_point is not None:
             native: Any = SB3VecEnv(env_id, chosen.n_envs, n_threads=1, **env_kwargs)
             envs: Any = VecMonitor(FlippedSwappedAxes(native) if chosen.augment else native)
         else:

@@ -1,4 +1,4 @@
-"""A job's own process, `python -m creative_nao.evaluation.job_handlers SPEC.json FOLDER`, and what it does by kind."""
+"""A job's own process, started by `runner.start_process` with file and run folder of the job; what it does by kind."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from gymnasium.spaces import Box
 
 from creative_nao import storage
 from creative_nao.agents.bundle import BundleHeader, save_bundle
+from creative_nao.agents.play import check_env
 from creative_nao.agents.training import PPOSettings, train_ppo
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.envs import ENVIRONMENTS
@@ -97,6 +98,7 @@ def play_episodes(spec: dict[str, Any], folder: Path, report: Report) -> dict[st
     episodes = []
     total = len(spec["envs"]) * len(spec["memories"]) * len(spec["seeds"])
     for env_id in spec["envs"]:
+        check_env(env_id)  # finds the module of one's own
         for first, memory in enumerate(spec["memories"]):
             budget = {"n_actions": spec["n_actions"]} if env_id in ENVIRONMENTS else {}
             env = gym.make(env_id, memory=_memory_of(memory, folder), **budget)
@@ -119,6 +121,7 @@ def score_map(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, A
     of each outcome on the map.
     """
     start = time.perf_counter()
+    check_env(spec["env"])
     env = gym.make(spec["env"], memory=_memory_of(spec["memory"], folder))
     try:
         memory: Memory = env.unwrapped.memory  # pyright: ignore[reportAttributeAccessIssue]
@@ -185,7 +188,3 @@ def _end_with_the_runner() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

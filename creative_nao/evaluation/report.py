@@ -25,7 +25,7 @@ from creative_nao.evaluation.pages import env_label
 from creative_nao.evaluation.plots import agent_colour, agent_label
 from creative_nao.evaluation.protocol import Episode
 from creative_nao.evaluation.results import Measured, Row, entries_of, verdict
-from creative_nao.evaluation.suites import Suite, actions_before, in_bundle, trained_here
+from creative_nao.evaluation.suites import Suite, actions_before, trained_here
 from creative_nao.joints import JOINTS
 from creative_nao.maps import PBMap
 from creative_nao.maps.figure_style import INK, figure, save, styled
@@ -62,7 +62,7 @@ def write_report(
     others = []  # told of by training if they come out of a bundle, else by docstring
     for agent in [agent for agent in suite.agents if agent not in INTRODUCED]:
         about = (UNTRAINED[agent].__doc__ or "").strip().partition("\n")[0] if agent in UNTRAINED else None
-        n_trained = actions_before(agent) if in_bundle(agent) else None
+        n_trained = actions_before(agent) or None
         others.append({"name": agent, "n_trained": n_trained, "about": about})
     page = pages.render(
         "report.html.jinja",

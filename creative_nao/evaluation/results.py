@@ -215,7 +215,8 @@ def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, A
 def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[str, Any]:
     """Return the content of `results.json`; the seed of the whole evaluation decides the bootstrap samples too."""
     keys = itertools.product(suite.memories, suite.envs, suite.agents)
-    rows = [_row(suite, measured, memory, env, agent, base_seed) for memory, env, agent in keys]
+    trained = {name: suite.ppo.n_generated if trained_here(name) else actions_before(name) for name in suite.agents}
+    rows = [_row(suite, measured, memory, env, agent, base_seed, trained[agent]) for memory, env, agent in keys]
     return {
         "suite": suite.name,
         "rows": rows,
@@ -224,7 +225,9 @@ def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[st
     }
 
 
-def _row(suite: Suite, measured: Measured, memory: str, env: str, agent: str, base_seed: int) -> dict[str, Any]:
+def _row(
+    suite: Suite, measured: Measured, memory: str, env: str, agent: str, base_seed: int, n_actions_training: int
+) -> dict[str, Any]:
     episodes = measured.of(memory, env, agent)
     trainings = [t for t in measured.trainings if (t.memory, t.agent) == (memory, agent)]
     row: dict[str, Any] = {"agent": agent, "env": env, "memory": memory}
@@ -246,7 +249,7 @@ def _row(suite: Suite, measured: Measured, memory: str, env: str, agent: str, ba
         "reward_per_seed": {str(episode.seed): episode.reward for episode in episodes},
         "oracle_reward": best,
         "outcomes": dict(sorted(Counter(action.outcome for e in episodes for action in e.actions).items())),
-        "n_actions_training": suite.ppo.n_generated if trained_here(agent) else actions_before(agent),
+        "n_actions_training": n_actions_training,
         "seconds": math.fsum(episode.seconds for episode in episodes) / len(episodes),
         "seconds_training": math.fsum(t.seconds for t in trainings) / len(trainings) if trainings else 0.0,
     }

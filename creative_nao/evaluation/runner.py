@@ -9,7 +9,6 @@ import contextlib
 import dataclasses
 import os
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -22,7 +21,7 @@ from typing import Any, ClassVar, TypeVar
 from creative_nao import __version__, storage
 from creative_nao.errors import CreativeNaoError, MissingDependencyError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import PARENT, Job, read_result, write_result, write_spec
-from creative_nao.runtime import usable_cores
+from creative_nao.runtime import python_command, usable_cores
 from creative_nao.schema import parse
 
 Item = TypeVar("Item")
@@ -184,7 +183,7 @@ def start_process(job: Job, folder: Path, log: Path | None = None) -> subprocess
     spec = write_spec(job, folder)
     with contextlib.nullcontext(subprocess.PIPE) if log is None else open(log, "ab") as output:
         return subprocess.Popen(  # noqa: S603 - our own module, our own file
-            [sys.executable, "-m", "creative_nao.evaluation.job_handlers", str(spec), str(folder)],
+            python_command("creative_nao.evaluation.job_handlers", spec, folder),
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=output,

@@ -191,12 +191,14 @@ def refuse_modules(suite: Suite, where: str) -> None:
 
     Raises:
         SettingsError: Naming the first of them, and how to ask.
+        NotFoundError: If an environment is none of this project's.
     """
-    for name in (*suite.agents, *suite.envs, suite.training_env, *suite.oracle_envs):
-        if ":" in name and not os.path.isfile(name):
-            raise SettingsError(
-                f"{where}: `{name}` is a module that would be imported and run; if you trust the file, add --trust"
-            )
+    envs = [name for name in (*suite.envs, suite.training_env, *suite.oracle_envs) if ":" in name]
+    for name in (*filter(is_entry_point, suite.agents), *envs):  # whatever file of that name lies here
+        raise SettingsError(
+            f"{where}: `{name}` is a module that would be imported and run; if you trust the file, add --trust"
+        )
+    _check_envs(suite, where)
 
 
 def _check_names(suite: Suite, where: str) -> None:
@@ -206,17 +208,21 @@ def _check_names(suite: Suite, where: str) -> None:
             check_agent(agent)
         except (SettingsError, NotFoundError) as error:
             raise type(error)(f"{where}: {error}") from error
-    for env in (*suite.envs, suite.training_env, *suite.oracle_envs):
-        if env not in ENVIRONMENTS and ":" not in env:  # `module:name` registers its own
-            raise NotFoundError(
-                f"{where}: no environment `{env}`{nearest_name(env, ENVIRONMENTS)}; there are {', '.join(ENVIRONMENTS)}"
-            )
+    _check_envs(suite, where)
     for memory in suite.memories:
         if suite.taught_seed(memory) is None and memory not in shipped_memories() and not os.path.isfile(memory):
             names = (*shipped_memories(), *SPLITS)
             raise NotFoundError(
                 f"{where}: no memory `{memory}`{nearest_name(memory, names)}: neither a file, a shipped name, nor a "
                 f"part of the bank ({', '.join(SPLITS)})"
+            )
+
+
+def _check_envs(suite: Suite, where: str) -> None:
+    for env in (*suite.envs, suite.training_env, *suite.oracle_envs):
+        if env not in ENVIRONMENTS and ":" not in env:  # `module:name` registers its own
+            raise NotFoundError(
+                f"{where}: no environment `{env}`{nearest_name(env, ENVIRONMENTS)}; there are {', '.join(ENVIRONMENTS)}"
             )
 
 
@@ -227,7 +233,7 @@ def trained_here(name: str) -> bool:
 
 def in_bundle(name: str) -> bool:
     """Return whether an agent comes out of a bundle that was trained before."""
-    return name not in NAMES and (name in shipped_agents() or os.path.isfile(name))
+    return name not in NAMES and not is_entry_point(name) and (name in shipped_agents() or os.path.isfile(name))
 
 
 def check_agent(name: str) -> str:
@@ -277,5 +283,7 @@ def resolve_agent(name: str, bundle: Path | None = None) -> Agent:
 
 
 def actions_before(name: str) -> int:
-    """Return how many actions an agent out of a bundle generated in training; 0 for any other."""
-    return load_bundle(name).header.n_actions_training if in_bundle(name) else 0
+    """Return how many actions an agent generated in training: as its bundle or its factory tells, else 0."""
+    if in_bundle(name):
+        return load_bundle(name).header.n_actions_training
+    return load_entry_point(name).n_actions_training if is_entry_point(name) else 0

@@ -1,6 +1,6 @@
 """Movements in and out of the page: an upload is read by a process of its own that can be stopped; exports.
 
-`python -m creative_nao.explorer.recordings NAME TICK` reads an upload from its standard input and answers in JSON.
+That process, `main(NAME, TICK)`, reads an upload from its standard input and answers in JSON.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError
 from creative_nao.exchange import FORMATS, Motion, Recording, recognise, write
 from creative_nao.exchange.keys import to_motion
 from creative_nao.joints import JOINTS
+from creative_nao.runtime import python_command
 
 if TYPE_CHECKING:  # reading an upload needs no network
     from creative_nao.explorer.memory_service import MemoryService, Recall
@@ -40,7 +41,7 @@ def read_upload(name: str, content: bytes, dt_s: float, deadline_s: float = READ
     shown = "".join(mark for mark in PurePath(name.replace("\\", "/")).name if mark.isprintable())[-60:] or "recording"
     if len(content) > MAX_UPLOAD_BYTES:
         raise FileFormatError(f"{shown}: a recording may have {MAX_UPLOAD_BYTES} bytes, this one has {len(content)}")
-    command = [sys.executable, "-P", "-m", "creative_nao.explorer.recordings", shown, repr(float(dt_s))]
+    command = python_command("creative_nao.explorer.recordings", shown, repr(float(dt_s)))
     try:
         done = subprocess.run(command, input=content, capture_output=True, timeout=deadline_s, check=False)  # noqa: S603
     except subprocess.TimeoutExpired:
@@ -89,12 +90,12 @@ def _limit() -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def main() -> int:
+def main(arguments: list[str]) -> int:
     """Read an upload from standard input; print what it holds, or what is wrong with it, as JSON."""
     _limit()
     content = sys.stdin.buffer.read(MAX_UPLOAD_BYTES + 1)
     try:
-        answer = _read(sys.argv[1], content, float(sys.argv[2]))
+        answer = _read(arguments[0], content, float(arguments[1]))
     except CreativeNaoError as error:
         answer = {"error": str(error), "kind": type(error).__name__}
     sys.stdout.write(json.dumps(answer))
@@ -113,7 +114,3 @@ def export(recall: Recall, service: MemoryService, format_name: str) -> tuple[st
         path = Path(folder) / f"movement{chosen.endings[0]}"
         written = write(path, motion, format_name, unsafe="clip" if chosen.for_robots else "keep")
         return path.name, path.read_bytes(), written.changes
-
-
-if __name__ == "__main__":
-    sys.exit(main())

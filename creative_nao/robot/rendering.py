@@ -85,7 +85,7 @@ def probe(backend: str, timeout_s: float = 60.0) -> str:
         "mujoco.MjrContext(mujoco.MjModel.from_xml_string('<mujoco/>'), mujoco.mjtFontScale.mjFONTSCALE_100).free(); "
         "gl.free()"
     )
-    command = [sys.executable, "-W", "ignore", "-c", code]
+    command = [sys.executable, "-P", "-W", "ignore", "-c", code]
     environment = {name: value for name, value in os.environ.items() if name != "PYOPENGL_PLATFORM"}
     try:
         done = subprocess.run(  # noqa: S603 - our own words and one of three names

@@ -1,5 +1,6 @@
 """Agents of the user's own: functions, policies, and `package.module:factory`."""
 
+import re
 import subprocess
 import sys
 
@@ -7,8 +8,9 @@ import numpy as np
 import pytest
 
 from creative_nao.agents import Agent, FunctionAgent, PolicyAgent, as_agent, load_entry_point, make_agent
+from creative_nao.cli import main
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError
-from creative_nao.evaluation.suites import check_agent, resolve_agent
+from creative_nao.evaluation.suites import actions_before, check_agent, resolve_agent
 
 OBSERVATION = np.zeros(4, np.float32)
 
@@ -32,6 +34,11 @@ class Family:
 
 def wrong():
     return 7
+
+def trained():
+    policy = Policy()
+    policy.n_actions_training = 9000
+    return policy
 
 number = 7
 """
@@ -90,11 +97,33 @@ def test_a_mistake_in_the_name_is_told(own, name, error, text):
         load_entry_point(name)
 
 
-def test_an_error_inside_the_module_is_the_user_s_own(own, tmp_path):
-    (tmp_path / "my_broken_agents.py").write_text("import not_there_at_all\n")
-    with pytest.raises(ModuleNotFoundError, match="not_there_at_all") as caught:
-        load_entry_point("my_broken_agents:Corner")
-    assert not isinstance(caught.value, NotFoundError)
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        ("import not_there_at_all", "importing `my_broken` fails: ModuleNotFoundError: No .* 'not_there_at_all'"),
+        ("def agent(:", r"importing `my_broken` fails: SyntaxError"),
+        ("1 / 0", r"importing `my_broken` fails: ZeroDivisionError: division by zero \(my_broken.py, line 1\)"),
+        (
+            "def agent():\n    raise OSError('no weights')",
+            r"`agent` fails: OSError: no weights \(my_broken.py, line 2\)",
+        ),
+        ("def agent(seed): ...", r"`agent` fails: TypeError: .* missing 1 required positional argument"),
+        (
+            "def agent():\n    f = lambda seen: seen\n    f.n_actions_training = -1\n    return f",
+            "`n_actions_training` of agent `my_broken:agent` should be at least 0, but is -1",
+        ),
+    ],
+)
+def test_an_error_of_the_user_s_own_code_is_one_line_with_its_place(own, tmp_path, capsys, code, told):
+    (tmp_path / "my_broken.py").write_text(f"{code}\n")
+    sys.modules.pop("my_broken", None)
+    assert main(["agent", "run", "my_broken:agent", "--memory", "half/0"]) == 2
+    said = capsys.readouterr().err
+    assert re.fullmatch(f"creative-nao: .*{told}.*\n", said), said
+
+
+def test_an_agent_of_one_s_own_tells_the_actions_of_its_training(own):
+    assert [actions_before(f"{own}:{name}") for name in ("Corner", "Policy", "function", "trained")] == [0, 0, 0, 9000]
 
 
 def test_a_function_that_leaves_the_space_is_named(make_context):

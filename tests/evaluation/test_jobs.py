@@ -148,7 +148,8 @@ def test_workers_leave_when_their_runner_is_killed(tmp_path, in_workers):
     spec = write_spec(endless_job(), tmp_path)
     runner = """
 import os, subprocess, sys, time
-command = [sys.executable, "-m", "creative_nao.evaluation.job_handlers", *sys.argv[1:]]
+from creative_nao.runtime import python_command
+command = python_command("creative_nao.evaluation.job_handlers", *sys.argv[1:])
 print(subprocess.Popen(command, env={**os.environ, "CREATIVE_NAO_RUNNER": str(os.getpid())}).pid, flush=True)
 time.sleep(60)
 """
