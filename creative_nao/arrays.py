@@ -1,12 +1,14 @@
 """Files of named arrays: safetensors with a JSON header, and NPZ files, counted before they are unpacked.
 
 Nothing in them can run. Before the arrays are read, the frame is checked byte by byte, so that a torn or foreign file
-is named together with the part that is wrong.
+is named together with the part that is wrong. Both carry SHA-256 digests of every byte: a safetensors file one of its
+header and one of each array, an NPZ file one of the whole archive as the archive's comment.
 """
 
 from __future__ import annotations
 
 import ast
+import hashlib
 import io
 import json
 import lzma
@@ -24,10 +26,12 @@ import numpy as np
 
 from creative_nao.errors import FileFormatError, shown
 from creative_nao.schema import Index, parse, record
-from creative_nao.storage import as_json, as_text, read_bytes, write_bytes
+from creative_nao.storage import BLANK, SEAL, as_json, as_text, note_unsealed, read_bytes, sealed, unsealed, write_bytes
 
 MAX_HEADER_BYTES = 1_000_000
 MAX_FILE_BYTES = 256_000_000
+_OF_ARRAYS = "arrays_sha256"
+"""Key of a header: the SHA-256 of each array by its name; the `SEAL` beside it is that of the header."""
 
 
 @record
@@ -46,11 +50,28 @@ def save_tensors(
 
     `kind` says what the file holds, for example ``memory``; it is checked when the file is read.
     """
+    tensors = {name: np.asarray(one, one.dtype.newbyteorder("="), order="C") for name, one in tensors.items()}
+    digests = {name: hashlib.sha256(array).hexdigest() for name, array in tensors.items()}
+    content = _packed({"kind": kind, SEAL: BLANK, _OF_ARRAYS: digests, **header}, tensors)
+    end = 8 + int.from_bytes(content[:8], "little")
+    return write_bytes(path, sealed(content[:end]) + content[end:])
+
+
+def _packed(told: dict[str, Any], tensors: dict[str, np.ndarray]) -> bytes:
     from safetensors.numpy import save
 
     # One entry only: the format keeps several in no fixed order, and equal content should give equal bytes.
-    metadata = {"creative_nao": json.dumps({"kind": kind, **header}, allow_nan=False)}
-    return write_bytes(path, save({name: np.asarray(a, order="C") for name, a in tensors.items()}, metadata))
+    metadata = {"creative_nao": json.dumps(told, allow_nan=False)}
+    return save(tensors, metadata)
+
+
+def unsealed_sha256(path: str | os.PathLike[str], *, kind: str) -> str:
+    """Return the SHA-256 that a file of `save_tensors` has, or had, without the digests in its header.
+
+    Release 0.1.0 wrote none: the records of its runs name the shipped memories and agents by this hash.
+    """
+    header, tensors = load_tensors(path, kind=kind)
+    return hashlib.sha256(_packed({"kind": kind, **header}, tensors)).hexdigest()
 
 
 def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -65,13 +86,22 @@ def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, 
 
     path = Path(path)
     content = read_bytes(path, f"{kind} file", MAX_FILE_BYTES)
-    metadata = _check_frame(path, kind, content)
+    metadata, entries = _check_frame(path, kind, content)
     told = metadata.get("creative_nao")
     if not isinstance(told, str):
         raise FileFormatError(f"{path}: the JSON header of the {kind} is missing or broken")
     header = as_json(told, f"{path}: the header of the {kind}")
     if not isinstance(header, dict):
         raise FileFormatError(f"{path}: the JSON header of the {kind} should be an object, but is {header!r:.40}")
+    end = 8 + int.from_bytes(content[:8], "little")
+    header = unsealed(header, content[:end], f"{path}: header")
+    digests = header.pop(_OF_ARRAYS, {})
+    if not isinstance(digests, dict):
+        raise FileFormatError(f"{path}: header: `{_OF_ARRAYS}` should be an object, but is {shown(digests)}")
+    for name, entry in entries.items():
+        data = memoryview(content)[end:][slice(*entry.data_offsets)]
+        if digests and hashlib.sha256(data).hexdigest() != digests.get(name):
+            raise FileFormatError(f"{path}: the array `{name[:60]}` is damaged: it does not fit its SHA-256")
     found = header.pop("kind", None)
     if found != kind:
         raise FileFormatError(f"{path}: expected kind {kind!r}, but its header says kind {found!r}")
@@ -81,8 +111,8 @@ def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, 
         raise FileFormatError(f"{path}: the arrays of the {kind} cannot be read: {error}") from error
 
 
-def _check_frame(path: Path, kind: str, content: bytes) -> dict[str, Any]:
-    """Check lengths and offsets of a safetensors file; return its metadata."""
+def _check_frame(path: Path, kind: str, content: bytes) -> tuple[dict[str, Any], dict[str, _Entry]]:
+    """Check lengths and offsets of a safetensors file; return its metadata and what it says of its arrays."""
     if len(content) < 8:
         raise FileFormatError(f"{path}: no {kind} file: the header length needs 8 bytes, the file has {len(content)}")
     length = int.from_bytes(content[:8], "little")
@@ -98,12 +128,13 @@ def _check_frame(path: Path, kind: str, content: bytes) -> dict[str, Any]:
     if not isinstance(metadata, dict):
         raise FileFormatError(f"{path}: no {kind} file: its header has no metadata")
     available = len(content) - 8 - length
+    entries = {}
     for name, values in table.items():
         where = f"{path}: the array `{name[:60]}`"
-        end = parse(_Entry, values, where).data_offsets[1]
-        if end > available:
+        entries[name] = parse(_Entry, values, where)
+        if (end := entries[name].data_offsets[1]) > available:
             raise FileFormatError(f"{where} is torn: it ends at byte {end} of the data, {available} are there")
-    return metadata
+    return metadata, entries
 
 
 def take(
@@ -160,6 +191,8 @@ def only_arrays(where: object, arrays: Iterable[str], names: Iterable[str]) -> N
 
 MAX_UNPACKED_BYTES = 256_000_000  # most bytes that the arrays of one NPZ file may unpack to
 MAX_MEMBERS = 256
+_COMMENT = b"sha256="
+"""Beginning of an archive's comment, which ends in the digits of the hash of everything before them."""
 _MAX_ARRAY_HEADER = 10_000
 _PLAIN_TYPE = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248]|U\d{1,9})", re.ASCII)
 """Names of the kinds of values that are read, as NumPy writes them; it knows many more."""
@@ -179,13 +212,18 @@ def read_npz(path: Path, what: str, largest: int = MAX_UNPACKED_BYTES) -> dict[s
         NotFoundError: If there is no such file.
         FileFormatError: If it is torn, foreign, too large, or holds objects (a pickle); the message names the array.
     """
-    return unpack_npz(path, what, read_bytes(path, what, largest), largest)
+    content = read_bytes(path, what, largest)
+    if content[-64 - len(_COMMENT) : -64] != _COMMENT:
+        note_unsealed(f"{what} {path}")
+    return unpack_npz(path, what, content, largest)
 
 
 def unpack_npz(path: Path, what: str, content: bytes, largest: int = MAX_UNPACKED_BYTES) -> dict[str, np.ndarray]:
     """Return the arrays of an NPZ file whose bytes are `content`; see `read_npz`."""
     where = f"{path}: not a {what}, or a torn one"
     try:
+        if content.count(b"PK\1\2") > 2 * MAX_MEMBERS:  # before an object is made of each; data may hold some by chance
+            raise FileFormatError(f"{path}: a {what} has at most {MAX_MEMBERS} arrays, but this file announces more")
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = archive.infolist()
             unpacked = sum(member.file_size for member in members)
@@ -202,10 +240,14 @@ def unpack_npz(path: Path, what: str, content: bytes, largest: int = MAX_UNPACKE
                     raise FileFormatError(f"{where}: the archive holds {told}")
             if twice := sorted({name for name in names if names.count(name) > 1}):
                 raise FileFormatError(f"{where}: the array `{twice[0][:60]}` is in it twice")
-            return {
+            arrays = {
                 name: _array(f"{where}: the array `{name[:60]}`", archive, member)
                 for name, member in zip(names, members, strict=True)
             }
+            uncommented = content[-22:-18] == b"PK\5\6" and content[-2:] == b"\0\0"
+            if not uncommented and content[-64:] != hashlib.sha256(content[:-64]).hexdigest().encode():
+                raise FileFormatError(f"{path}: damaged: its table of contents does not fit the SHA-256 in its comment")
+            return arrays
     except FileFormatError:
         raise
     except _BROKEN_ZIP as error:
@@ -253,9 +295,11 @@ def save_npz(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[
     header_bytes = np.frombuffer(json.dumps(header, allow_nan=False).encode(), dtype=np.uint8)
     named: dict[str, Any] = {**arrays, "header": header_bytes}
     # In memory first: on a full disk, an archive that is being written complains once more when it is dropped.
-    content = io.BytesIO()
-    np.savez_compressed(content, **named)  # plain numbers only: nothing is pickled
-    return write_bytes(path, content.getvalue())
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **named)  # plain numbers only: nothing is pickled
+    # The archive ends with the length of its comment, which is empty.
+    content = stream.getvalue()[:-2] + (len(_COMMENT) + 64).to_bytes(2, "little") + _COMMENT
+    return write_bytes(path, content + hashlib.sha256(content).hexdigest().encode())
 
 
 def npz_header(path: Path, arrays: dict[str, np.ndarray], what: str) -> Any:

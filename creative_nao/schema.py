@@ -20,7 +20,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-import json
 import os
 import re
 import types
@@ -35,7 +34,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, FailFast, Fiel
 from pydantic_core import ArgsKwargs
 
 from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError, nearest_name, shown
-from creative_nao.storage import MAX_DIGITS, MAX_TEXT_BYTES, as_json, as_text, json_fault, read_bytes, write_text
+from creative_nao.storage import MAX_DIGITS, MAX_TEXT_BYTES, as_json, as_text, json_fault, read_json, write_json
 
 __all__ = [
     "AfterValidator", "Count", "Field", "Index", "JsonObject", "LongText", "Name", "Names", "NonNegative", "PlainName",
@@ -197,14 +196,14 @@ def load_json(kind: type[T], path: str | os.PathLike[str], what: str, largest: i
 
     Raises:
         NotFoundError: If there is no such file.
-        FileFormatError: If it is too large, torn, or a field is wrong.
+        FileFormatError: If it is too large, torn, not what was written, or a field is wrong.
     """
-    return parse(kind, read_bytes(Path(path), what, largest), f"{what} {path}", what=what)
+    return parse(kind, read_json(Path(path), what, largest), f"{what} {path}")
 
 
 def save_json(path: str | os.PathLike[str], instance: Any, indent: int | None = 2, private: bool = False) -> Path:
-    """Write a record as JSON, as `storage.replacing` does, and return the path."""
-    return write_text(path, json.dumps(dump(instance), indent=indent, allow_nan=False) + "\n", private)
+    """Write a record as JSON with a SHA-256 of its content, as `storage.replacing` does, and return the path."""
+    return write_json(path, dump(instance), indent, private)
 
 
 def _accepting(annotation: Any) -> Any:

@@ -1,5 +1,8 @@
 """Files: atomic writes, and bounded reads of bytes, text, JSON and YAML that anybody may have made.
 
+JSON files of ours carry a SHA-256 of their content under `sha256`, which `read_json` compares; only plain files are
+opened, without waiting.
+
 New content goes into a temporary file beside the old one, which it then replaces: a reader sees the old content or the
 new one. The writer holds a lock on the temporary file for as long as it lives, so that the next writer in that folder
 can tell what a killed writer left behind from what is being written, and remove it.
@@ -10,19 +13,22 @@ from __future__ import annotations
 import contextlib
 import errno
 import functools
+import hashlib
 import json
+import logging
 import math
 import os
 import platform
 import re
 import secrets
+import stat
 import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, Literal
 
-from creative_nao.errors import FileFormatError, NotFoundError
+from creative_nao.errors import CreativeNaoError, FileFormatError, NotFoundError
 
 try:
     import fcntl
@@ -96,7 +102,7 @@ def sweep(folder: str | os.PathLike[str]) -> None:
             if not (entry.name.startswith(".") and f"{_MARK}{_MACHINE}-" in entry.name):
                 continue
             with contextlib.suppress(OSError):
-                handle = os.open(entry.path, os.O_RDONLY)
+                handle = _open_plain(entry.path, os.O_RDONLY | _NO_LINK)
                 try:
                     fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     os.unlink(entry.path)
@@ -130,7 +136,7 @@ def alone(folder: str | os.PathLike[str], deadline_s: float = LOCK_S) -> Iterato
     if fcntl is None:
         yield
         return
-    handle = os.open(folder, os.O_RDONLY)
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     end = time.monotonic() + deadline_s
     try:
         while True:
@@ -162,9 +168,35 @@ def _create(temporary: Path, mode: int) -> int:
         os.close(handle)  # swept away between its creation and its lock
 
 
+_NO_LINK, _NO_WAIT = getattr(os, "O_NOFOLLOW", 0), getattr(os, "O_NONBLOCK", 0)  # Windows has neither
+
+
+def _open_plain(path: str | os.PathLike[str], flags: int) -> int:
+    """Open a plain file and return its handle; what waits for somebody, such as a pipe, is an OSError at once."""
+    handle = os.open(path, flags | _NO_WAIT, 0o666)
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise OSError(errno.EINVAL, "it should be a plain file, but is none", os.fspath(path))
+    return handle
+
+
+def open_plain(path: str | os.PathLike[str], mode: Literal["rb", "ab"] = "rb", *, follow: bool = True) -> BinaryIO:
+    """Open a plain file; a pipe, device, socket or folder is an OSError, and unless told to `follow`, a link too."""
+    return open(path, mode, opener=lambda name, flags: _open_plain(name, flags | (0 if follow else _NO_LINK)))
+
+
+def read_end(path: Path, most: int) -> str:
+    """Return the last `most` bytes of a plain file that is no link, as text; OSError if it cannot be read."""
+    with open_plain(path, follow=False) as stream:
+        stream.seek(max(0, os.fstat(stream.fileno()).st_size - most))
+        return stream.read(most).decode("utf-8", "replace")
+
+
 MAX_TEXT_BYTES = 64_000_000  # largest JSON file, a run folder's results; smaller limits are given where they are known
 MAX_DEPTH = 64  # lists and objects within each other that JSON may have
 MAX_DIGITS = 40  # of a whole number in JSON; the state of a random generator has 39
+MAX_JSON_GROUPS = 500_000  # lists and objects of a JSON file; one of three bytes takes a hundred in memory
+MAX_JSON_VALUES = 4_000_000
 MAX_YAML_BYTES = 2_000_000
 MAX_YAML_VALUES = 250_000  # scalars, lists and mappings of a YAML file, with its aliases written out
 
@@ -181,7 +213,7 @@ def read_bytes(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> bytes:
     if not os.path.isfile(path):  # unlike `Path.is_file`, says no to a name that is too long
         raise NotFoundError(f"no {what} at {path}")
     try:
-        with open(path, "rb") as stream:
+        with open_plain(path) as stream:
             size = os.fstat(stream.fileno()).st_size
             content = b"" if size > largest else stream.read(largest + 1)
     except OSError as error:
@@ -189,6 +221,65 @@ def read_bytes(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> bytes:
     if max(size, len(content)) > largest:
         raise FileFormatError(f"{path}: has {max(size, len(content))} bytes, expected at most {largest} of a {what}")
     return content
+
+
+SEAL = "sha256"
+"""Name under which a JSON object holds the SHA-256 of the text that it stands in, its own digits taken as zeros."""
+BLANK = "0" * 64
+
+
+def sealed(content: bytes) -> bytes:
+    """Return text with its first 64 zeros replaced by the SHA-256 of the text."""
+    return content.replace(BLANK.encode(), hashlib.sha256(content).hexdigest().encode(), 1)
+
+
+def unsealed(values: dict[str, Any], content: bytes, where: str) -> dict[str, Any]:
+    """Return an object without its `SEAL`, after comparing that with the text that the object was read from.
+
+    Where it has none, since 0.1.0 or another program wrote it, a note is logged once.
+
+    Raises:
+        FileFormatError: If the text is not what was written.
+    """
+    if SEAL not in values:
+        if any(len(key) == len(SEAL) and sum(map(str.__ne__, key, SEAL)) == 1 for key in values):
+            raise FileFormatError(f"{where}: damaged: its `{SEAL}` has another name")
+        note_unsealed(where)
+        return values
+    told = values[SEAL]
+    plain = content.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n")  # as an editor may have saved it
+    if not isinstance(told, str) or told != hashlib.sha256(plain.replace(told.encode(), BLANK.encode(), 1)).hexdigest():
+        raise FileFormatError(
+            f"{where}: damaged, or changed by hand: it does not fit its own `{SEAL}`; take that out to use it as it is"
+        )
+    return {key: value for key, value in values.items() if key != SEAL}
+
+
+@functools.lru_cache(maxsize=1_000)
+def note_unsealed(where: str) -> None:
+    """Log, once for each file, that it has no SHA-256 that could be compared."""
+    text = f"{where}: carries no SHA-256 of its content (release 0.1.0 wrote none); damage would not be noticed"
+    logging.getLogger("creative_nao").warning("%s", CreativeNaoError(text))
+
+
+def write_json(
+    path: str | os.PathLike[str], values: Mapping[str, Any], indent: int | None = 2, private: bool = False
+) -> Path:
+    """Write an object as JSON without NaN, with its `SEAL`, as `replacing` does, and return the path."""
+    text = json.dumps({SEAL: BLANK} | dict(values) | {SEAL: BLANK}, indent=indent, allow_nan=False)
+    return write_bytes(path, sealed(f"{text}\n".encode()), private)
+
+
+def read_json(path: Path, what: str, largest: int = MAX_TEXT_BYTES, where: str = "") -> Any:
+    """Return what a file of `write_json` holds, or another JSON file; `where` begins messages, else `what` and path.
+
+    Raises:
+        NotFoundError: If there is no such file.
+        FileFormatError: If it is too large, torn, not JSON, or not what was written.
+    """
+    content, where = read_bytes(path, what, largest), where or f"{what} {path}"
+    values = as_json(as_text(content, where, what), where)
+    return unsealed(values, content, where) if isinstance(values, dict) else values
 
 
 def read_text(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> str:
@@ -213,8 +304,15 @@ def as_json(text: str, where: str) -> Any:
 
     Raises:
         FileFormatError: If it is torn, is nested more than `MAX_DEPTH` deep, says a name twice, or holds a number that
-            is not finite or has more than `MAX_DIGITS` digits.
+            is not finite or has more than `MAX_DIGITS` digits, or more than `MAX_JSON_GROUPS` lists and objects or
+            `MAX_JSON_VALUES` values.
     """
+    n_groups = text.count("{") + text.count("[")  # those in texts too: a bound that needs no parser
+    if n_groups > MAX_JSON_GROUPS or text.count(",") > MAX_JSON_VALUES:
+        raise FileFormatError(
+            f"{where}: has {n_groups} lists and objects and {text.count(',')} commas, expected JSON of at most "
+            f"{MAX_JSON_GROUPS} and {MAX_JSON_VALUES}"
+        )
     try:
         found = json.loads(text, object_pairs_hook=_each_once)
         fault = json_fault(found)
@@ -288,7 +386,7 @@ def as_yaml(text: str, where: str, most: int = MAX_YAML_VALUES) -> Any:
         return None if node is None else loader.construct_document(node)
     except FileFormatError:
         raise
-    except (yaml.YAMLError, RecursionError, ValueError, TypeError, AttributeError, LookupError) as error:
+    except (yaml.YAMLError, RecursionError, ValueError, TypeError, OverflowError, AttributeError, LookupError) as error:
         raise FileFormatError(f"{where}: not YAML ({' '.join(str(error).split())})") from error
 
 
@@ -299,7 +397,16 @@ def _yaml_loader() -> Any:
     loader = type("Loader", (getattr(yaml, "CSafeLoader", yaml.SafeLoader),), {})
     number = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+", re.ASCII)
     loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+.0123456789"))
+    for tag in ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float"):
+        loader.add_constructor(tag, functools.partial(_yaml_number, yaml.SafeLoader.yaml_constructors[tag]))
     return loader
+
+
+def _yaml_number(construct: Callable[[Any, Any], Any], loader: Any, node: Any) -> Any:
+    text = loader.construct_scalar(node)
+    if len(text) > MAX_DIGITS or ":" in text:  # YAML 1.1 reads 1:30 as 90, in base 60
+        raise ValueError(f"line {node.start_mark.line + 1}: `{text[:60]}` is no number of at most {MAX_DIGITS} digits")
+    return construct(loader, node)
 
 
 def _unfolded(node: Any, sizes: dict[int, float], where: str) -> float:

@@ -6,7 +6,6 @@ written from all that are there. A run of `creative-nao evaluate paper` goes to 
 """
 
 import argparse
-import json
 import shutil
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -166,10 +165,7 @@ def publish(folders: Sequence[Path], docs: Path) -> list[Path]:
     names = [results["suite"] for results in found]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise SettingsError(f"the runs should be of different suites, but two are of `{twice[0]}`; give one of them")
-    written = [
-        storage.write_text(docs / RESULTS_AT / f"{results['suite']}.json", json.dumps(results, allow_nan=False) + "\n")
-        for results in found
-    ]
+    written = [storage.write_json(docs / RESULTS_AT / f"{results['suite']}.json", results, None) for results in found]
     published = read_published(docs)
     written.append(storage.write_text(docs / "leaderboard.md", leaderboard(published)))
     if "search" in {results["suite"] for results in published.values()}:
@@ -209,7 +205,7 @@ def publish_paper(folder: Path, docs: Path) -> list[Path]:
         source, target = folder / name, results / name
         if name == "run.json":
             kept = {key: value for key, value in read_record(folder).items() if key != "hashes"}
-            written.append(storage.write_text(target, json.dumps(kept, indent=2, allow_nan=False) + "\n"))
+            written.append(storage.write_json(target, kept))
         elif source.is_file():
             written.append(storage.write_bytes(target, source.read_bytes()))
         else:

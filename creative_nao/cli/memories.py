@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -76,7 +75,7 @@ def _rescored(settings: MemoriesSettings) -> dict[str, dict[str, Any]]:
             display.show("scoring memories", done, name)
     if settings.out is not None:
         made = record(settings={"resolution": PAPER_RESOLUTION}, command="creative-nao memories --rescore")
-        storage.write_text(settings.out, json.dumps({**made, "memories": scores}, indent=1) + "\n")
+        storage.write_json(settings.out, {**made, "memories": scores}, 1)
     return scores
 
 

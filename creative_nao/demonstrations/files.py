@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import os
 from pathlib import Path
 from typing import Any
@@ -271,7 +270,7 @@ def load_demonstrations(
     ignored = {path.name: [name for name in _columns(path) if name not in joints] for path in files}
     beside, taught = folder / RECORD_NAME, None
     if beside.is_file():
-        taught = parse(JsonObject, read_text(beside, "record of demonstrations"), f"{beside}")
+        taught = parse(JsonObject, storage.read_json(beside, "record of demonstrations"), f"{beside}")
     record: dict[str, Any] = {
         "files": {path.name: runtime.sha256(path) for path in files},
         "ignored_columns": {name: columns for name, columns in ignored.items() if columns},
@@ -292,7 +291,7 @@ def save_demonstrations(folder: str | os.PathLike[str], demos: Demonstrations) -
     paths = [folder / f"{name}.csv" for name in names]
     for path, trajectory in zip(paths, demos.trajectories, strict=True):
         save_trajectory(path, trajectory, demos.dt_s, demos.joints)
-    storage.write_text(folder / RECORD_NAME, json.dumps(demos.record, indent=2) + "\n")
+    storage.write_json(folder / RECORD_NAME, demos.record)
     if gone := [path.name for path in paths if not path.exists()]:
         raise NotFoundError(f"{folder}: {gone[0]} vanished while the others were written; write them again.")
     return folder

@@ -11,8 +11,7 @@ from typing import Annotated, Any, Literal
 from creative_nao import storage
 from creative_nao.errors import CreativeNaoError
 from creative_nao.evaluation.suites import Suite, check_agent, trained_here
-from creative_nao.schema import Field, JsonObject, NonNegative, PlainName, dump, load_json, record
-from creative_nao.storage import as_json, read_text
+from creative_nao.schema import Field, JsonObject, NonNegative, PlainName, load_json, record, save_json
 
 PARENT = "CREATIVE_NAO_RUNNER"
 """Environment variable with the process number of the runner, without which a job's process ends."""
@@ -60,7 +59,7 @@ def read_result(job: Job, folder: Path) -> dict[str, Any] | None:
     """Return the result of a finished job; None when it has none, a damaged one, or one of another spec."""
     path = job.file(folder, ".result.json")
     try:
-        found = as_json(read_text(path, "result of a job"), str(path))
+        found = storage.read_json(path, "result of a job")
     except CreativeNaoError:
         return None
     if not isinstance(found, dict) or found.get("job") != job.described() or not isinstance(found.get("result"), dict):
@@ -70,13 +69,12 @@ def read_result(job: Job, folder: Path) -> dict[str, Any] | None:
 
 def write_result(job: Job, folder: Path, result: dict[str, Any]) -> None:
     """Write a job's result in one step."""
-    text = json.dumps({"job": job.described(), "result": result}, allow_nan=False)
-    storage.write_text(job.file(folder, ".result.json"), text)
+    storage.write_json(job.file(folder, ".result.json"), {"job": job.described(), "result": result}, None)
 
 
 def write_spec(job: Job, folder: Path) -> Path:
     """Write what the job's process reads and return the path."""
-    return storage.write_text(job.file(folder, ".json"), json.dumps(dump(job), allow_nan=False))
+    return save_json(job.file(folder, ".json"), job, None)
 
 
 def read_spec(path: Path) -> Job:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,7 +33,6 @@ from creative_nao.evaluation.statistics import (
 )
 from creative_nao.evaluation.suites import Suite, actions_before, trained_here
 from creative_nao.schema import Count, Field, Text, must, parse, record
-from creative_nao.storage import as_json, read_text
 
 Row = Mapping[str, Any]
 Entry = Mapping[str, Any]
@@ -107,14 +105,14 @@ def read_results(path: Path) -> dict[str, Any]:
         NotFoundError: If there is no such file.
         FileFormatError: If it is not one; the message names the part.
     """
-    found = as_json(read_text(path, "results"), f"results {path}")
+    found = storage.read_json(path, "results")
     parse(ResultFile, found, f"results {path}")
     return found
 
 
 def write_results(path: Path, results: dict[str, Any]) -> Path:
     """Write `results.json`: strict JSON, no NaN."""
-    return storage.write_text(path, json.dumps(results, indent=2, allow_nan=False) + "\n")
+    return storage.write_json(path, results)
 
 
 @contextlib.contextmanager

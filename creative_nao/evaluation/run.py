@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,7 +10,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from creative_nao import schema, storage
+from creative_nao.agents.bundle import KIND as BUNDLE
 from creative_nao.agents.bundle import find_bundle
+from creative_nao.arrays import unsealed_sha256
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan
 from creative_nao.evaluation.pages import markdown_table
@@ -19,10 +20,10 @@ from creative_nao.evaluation.protocol import write_episodes
 from creative_nao.evaluation.results import Measured, collect, make_results, naming, write_results
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import Suite, in_bundle
+from creative_nao.model.memory import KIND as MEMORY
 from creative_nao.model.memory import PRETRAINED, shipped_memories
 from creative_nao.runtime import record, sha256
 from creative_nao.schema import Field, JsonObject, LongText, NonNegative, Sha256, Versions
-from creative_nao.storage import as_json, read_text
 
 RECORD = "run.json"
 
@@ -120,7 +121,7 @@ def read_record(folder: Path) -> dict[str, Any]:
         FileFormatError: If it is damaged; the message names the part.
     """
     path = folder / RECORD
-    values = as_json(read_text(path, "record of a run"), f"record {path}")
+    values = storage.read_json(path, "record of a run", where=f"record {path}")
     schema.parse(RunRecord, values, f"record {path}")
     if not isinstance(values["settings"].get("suite", {}), dict):
         raise FileFormatError(f"record {path}: `settings`: `suite` should be a JSON object")
@@ -129,22 +130,22 @@ def read_record(folder: Path) -> dict[str, Any]:
 
 def write_record(folder: Path, content: dict[str, Any]) -> Path:
     """Write the record of a run folder in one step."""
-    return storage.write_text(folder / RECORD, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    return storage.write_json(folder / RECORD, content)
 
 
 def input_hashes(suite: Suite) -> dict[str, str]:
-    """Return the SHA-256 of each file that a suite brings: memories, bundles and demonstrations.
+    """Return the SHA-256 of each file that a suite brings: memories, bundles (without their digests), demonstrations.
 
     Names that only an environment knows are left out, and so are memories that the suite itself trains.
     """
-    found = {name: sha256(find_bundle(name)) for name in suite.agents if in_bundle(name)}
+    found = {name: unsealed_sha256(find_bundle(name), kind=BUNDLE) for name in suite.agents if in_bundle(name)}
     if suite.taught is not None and suite.taught.demonstrations is not None:
         folder = Path(suite.taught.demonstrations)
         found |= {str(path): sha256(path) for path in sorted(folder.glob("*.csv"))}
     for name in suite.memories:
         path = PRETRAINED / f"{name.replace('/', '-')}.safetensors" if name in shipped_memories() else Path(name)
         if path.is_file():
-            found[name] = sha256(path)
+            found[name] = unsealed_sha256(path, kind=MEMORY)
     return found
 
 

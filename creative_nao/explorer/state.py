@@ -20,7 +20,6 @@ from creative_nao.explorer.memory_service import as_coordinate
 from creative_nao.explorer.view import ALL, SMALLEST, View
 from creative_nao.maps.picture import NEAREST
 from creative_nao.schema import Field, LongText, Text, Version1, parse, record, save_json
-from creative_nao.storage import read_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,5 +134,5 @@ class Session:
 
 def _read(path: Path) -> list[Favourite]:
     where = f"{path}: not a session of the explorer, move it away to begin anew"
-    session = parse(SessionFile, read_text(path, "session of the explorer", MAX_FILE_BYTES), where)
+    session = parse(SessionFile, storage.read_json(path, "session of the explorer", MAX_FILE_BYTES, where), where)
     return list(session.favourites[-MAX_FAVOURITES:])

@@ -7,7 +7,6 @@ import dataclasses
 import functools
 import html
 import io
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,6 +25,7 @@ from creative_nao.model.encoding import SoftmaxEncoding, encoding_of
 from creative_nao.model.generation import ClosedLoopGenerator, along, pb_of_each_tick, pb_points
 from creative_nao.model.recognition import N_SCREEN, Recognition, checked_trajectory, infer_pb
 from creative_nao.schema import Count, Index, JsonObject, Names, Seed, Version1, checked, dump, parse, record
+from creative_nao.storage import read_json
 
 KIND = "memory"
 IN_HEADER = ("network", "training", "loss_every", "best_epoch", "best_loss", "record")  # fields of `Memory` as they are
@@ -372,7 +372,7 @@ def shipped_scores() -> dict[str, dict[str, Any]]:
 
     Each has `best_loss`, `worst_reproduction_dtw` [rad], and the figures of the paper's Table I over the 200 x 200 map.
     """
-    return json.loads(SCORES.read_text(encoding="utf-8"))["memories"] if SCORES.is_file() else {}
+    return read_json(SCORES, "scores of the memories")["memories"] if SCORES.is_file() else {}
 
 
 def shipped_memories() -> tuple[str, ...]:

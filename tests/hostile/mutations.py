@@ -145,7 +145,10 @@ def _containers(tree: Any) -> list[Any]:
 
 
 def _json(content: bytes, others: list[bytes], rng: np.random.Generator) -> bytes:
-    text = json.dumps(change_tree(json.loads(content), rng)).encode()
+    tree = json.loads(content)
+    if isinstance(tree, dict):
+        tree.pop("sha256", None)
+    text = json.dumps(change_tree(tree, rng)).encode()
     if rng.random() < 0.1:  # what `json.dumps` would not write: a name twice, NaN, depth
         text = text.replace(b'":', rng.choice(np.array([b'": NaN, "":', b'": 1, "a": 2, "a":', b'": [[', b'":'])), 1)
     return text
@@ -154,11 +157,14 @@ def _json(content: bytes, others: list[bytes], rng: np.random.Generator) -> byte
 def _tensors(content: bytes, others: list[bytes], rng: np.random.Generator) -> bytes:
     length = int.from_bytes(content[:8], "little")
     table, data = json.loads(content[8 : 8 + length]), bytearray(content[8 + length :])
+    told = json.loads(table["__metadata__"]["creative_nao"])
+    for digest in ("sha256", "arrays_sha256"):  # whoever breaks a file on purpose takes them out
+        told.pop(digest, None)
+    table["__metadata__"]["creative_nao"] = json.dumps(told)
     names = [name for name in table if name != "__metadata__"]
     kind = rng.integers(6)
     if kind <= 1 or not names:
-        told = change_tree(json.loads(table["__metadata__"]["creative_nao"]), rng)
-        table["__metadata__"]["creative_nao"] = json.dumps(told)
+        table["__metadata__"]["creative_nao"] = json.dumps(change_tree(told, rng))
     elif kind == 2:
         entry = table[names[int(rng.integers(len(names)))]]
         entry["dtype"] = DTYPES[int(rng.integers(len(DTYPES)))]

@@ -3,13 +3,21 @@
 The everyday run cuts and flips at some places, the nightly one cuts at every byte and flips more bits.
 """
 
+import json
+import logging
 import time
 
 import numpy as np
 import pytest
-from victims import KINDS
+from safetensors.numpy import load, save
+from victims import ARCHIVES, KINDS, TENSORS
 
-from creative_nao.errors import CreativeNaoError
+from creative_nao.arrays import load_tensors, read_npz, save_tensors
+from creative_nao.errors import CreativeNaoError, FileFormatError
+from creative_nao.maps import PBMap
+from creative_nao.model import Memory
+from creative_nao.model.memory import PRETRAINED
+from creative_nao.storage import note_unsealed, read_json, write_json
 
 N_CUTS = 200
 """A file of up to so many bytes is cut at every byte; a larger one at the first 100 and last 20, and 80 between."""
@@ -74,3 +82,116 @@ def test_a_flipped_bit_is_read_or_refused(kind, every, victims, tmp_path):
         broken[place] ^= 1 << int(bit)
         path.write_bytes(broken)
         refused(victim, path)
+
+
+SEALED = (*TENSORS, "map", "physical", "unfinished", "session", "record", "results", "published", "job", "job_result",
+          "taught")  # fmt: skip
+"""Kinds that we write and read again; they carry SHA-256 digests."""
+N_SEALED, N_SEALED_NIGHTLY = 480, 10_000
+
+
+@NIGHTLY
+def test_no_flipped_bit_is_loaded_silently(every, victims, tmp_path, attempt):
+    n = N_SEALED_NIGHTLY if every else N_SEALED
+    attempt("files that we write and read again, of 16 kinds", "one flipped bit", "refused: none is loaded", n)
+    assert len(SEALED) == 16
+    rng = np.random.default_rng(23)
+    silently = []
+    for number in range(n):
+        kind = SEALED[number % len(SEALED)]
+        victim = victims[kind]
+        broken, path = bytearray(victim.path.read_bytes()), tmp_path / f"flipped-{victim.path.name}"
+        place, bit = int(rng.integers(len(broken))), int(rng.integers(8))
+        broken[place] ^= 1 << bit
+        path.write_bytes(broken)
+        if not refused(victim, path):
+            silently.append((kind, place, bit))
+    assert silently == []
+
+
+@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["some", "many"])
+def test_no_flipped_bit_of_a_shipped_memory_is_loaded(every, tmp_path, attempt):
+    n = 1_000 if every else 40
+    attempt("a shipped memory", "one flipped bit", "refused: none is loaded", n)
+    whole, path = (PRETRAINED / "half-0.safetensors").read_bytes(), tmp_path / "mine.safetensors"
+    rng = np.random.default_rng(29)
+    for place, bit in zip(rng.integers(len(whole), size=n), rng.integers(8, size=n), strict=True):
+        broken = bytearray(whole)
+        broken[place] ^= 1 << int(bit)
+        path.write_bytes(broken)
+        with pytest.raises(FileFormatError, match=r"mine\.safetensors"):
+            Memory.read(path)
+
+
+def test_the_damaged_part_is_named(victims, tmp_path):
+    """By the header, the array, or the table of contents; and a checksum is told apart from its lack."""
+    content, path = victims["memory"].path.read_bytes(), tmp_path / "memory.safetensors"
+    path.write_bytes(content.replace(b"rise", b"rism"))
+    with pytest.raises(FileFormatError, match="header: damaged, or changed by hand"):
+        Memory.read(path)
+    path.write_bytes(content.replace(b'\\"sha256\\"', b'\\"sha25v\\"', 1))
+    with pytest.raises(FileFormatError, match="header: damaged: its `sha256` has another name"):
+        Memory.read(path)
+    weights = load(content)["parameter/w_out"].tobytes()
+    assert content.count(weights) == 1
+    path.write_bytes(content.replace(weights, bytes(len(weights))))
+    with pytest.raises(FileFormatError, match="the array `parameter/w_out` is damaged"):
+        Memory.read(path)
+    archive = bytearray(victims["map"].path.read_bytes())
+    archive[archive.index(b"PK\1\2") + 12] ^= 1  # the time of a member, which nobody reads
+    path = tmp_path / "map.npz"
+    path.write_bytes(archive)
+    with pytest.raises(FileFormatError, match="damaged: its table of contents"):
+        PBMap.load(path)
+
+
+def test_a_file_without_a_checksum_loads_with_one_note(victims, tmp_path, caplog):
+    header, arrays = load_tensors(victims["memory"].path, kind="memory")
+    (tmp_path / "old.safetensors").write_bytes(save(arrays, {"creative_nao": json.dumps({"kind": "memory", **header})}))
+    (tmp_path / "old.json").write_text('{"a": 1}')
+    with np.load(victims["map"].path) as found:
+        np.savez(tmp_path / "old.npz", **found)
+    note_unsealed.cache_clear()
+    with caplog.at_level(logging.WARNING, "creative_nao"):
+        for _ in range(2):
+            Memory.read(tmp_path / "old.safetensors")
+            assert read_json(tmp_path / "old.json", "results") == {"a": 1}
+            read_npz(tmp_path / "old.npz", "map")
+    told = [record.getMessage() for record in caplog.records]
+    assert all(name in line for name, line in zip(("old.safetensors", "old.json", "old.npz"), told, strict=True))
+    assert all("carries no SHA-256 of its content" in line for line in told)
+
+
+def test_what_is_made_by_hand_of_a_file_is_read_without_its_checksum(tmp_path):
+    path = write_json(tmp_path / "a.json", {"favourites": [1], "format_version": 1})
+    assert read_json(path, "session") == {"favourites": [1], "format_version": 1}
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert read_json(path, "session") == {"favourites": [1], "format_version": 1}
+    edited = json.loads(path.read_text("utf-8-sig")) | {"favourites": [2]}
+    path.write_text(json.dumps(edited))
+    with pytest.raises(FileFormatError, match=r"a\.json: damaged, or changed by hand: .* take that out"):
+        read_json(path, "session")
+    edited.pop("sha256")
+    path.write_text(json.dumps(edited))
+    assert read_json(path, "session")["favourites"] == [2]
+
+
+def test_equal_content_has_equal_bytes_with_its_checksums(tmp_path):
+    arrays = {"b": np.arange(3.0), "a": np.array(True), "empty": np.zeros((0, 2), ">f4")}
+    one, two = (save_tensors(tmp_path / name, kind="x", header={"n": 1}, tensors=arrays) for name in ("1", "2"))
+    assert one.read_bytes() == two.read_bytes()
+    assert load_tensors(one, kind="x")[1]["b"].tolist() == [0.0, 1.0, 2.0]
+
+
+def test_the_checksum_of_a_memory_takes_less_than_a_millisecond():
+    path = PRETRAINED / "half-0.safetensors"
+    times = []
+    for _ in range(20):
+        start = time.perf_counter()
+        load_tensors(path, kind="memory")
+        times.append(time.perf_counter() - start)
+    assert min(times) < 1e-3  # of the whole reading, of which it is a fifth
+
+
+def test_the_archives_tried_are_those_of_ours():
+    assert set(ARCHIVES) - set(SEALED) == {"motion_npz"}, "which other programs read and write too"

@@ -13,7 +13,7 @@ from victims import KINDS, OWN_FILES, READERS, WRITERS
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 FOUND = sorted((HERE / "corpus").glob("*/*"))
-OURS = {"read_bytes", "read_text", "read_npz", "unpack_npz", "load_tensors", "load_json"}
+OURS = {"read_bytes", "read_text", "read_json", "read_npz", "unpack_npz", "load_tensors", "load_json"}
 BASE = {"creative_nao/storage.py", "creative_nao/arrays.py", "creative_nao/schema.py"}
 DIRECT = {"open", "read_text", "read_bytes", "load", "fromfile", "loadtxt", "genfromtxt", "load_file", "read_csv"}
 LOADERS = {"np", "numpy", "json", "torch", "yaml", "pickle", "tomllib", "safetensors", "joblib", "marshal"}

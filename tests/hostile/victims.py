@@ -7,7 +7,6 @@ fails `test_every_reader_is_tried`.
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,6 +38,7 @@ from creative_nao.explorer.state import Favourite, Session
 from creative_nao.maps import PBMap, pb_grid
 from creative_nao.model import Memory, NetworkSettings, TrainingSettings, train_network
 from creative_nao.model.training import TrainingState, load_checkpoint, save_checkpoint
+from creative_nao.storage import write_json
 
 NETWORK = NetworkSettings(layer_sizes=(3,), time_constants=(2.0,), n_softmax_units=2)
 TRAINING = TrainingSettings(n_epochs=1)
@@ -264,8 +264,7 @@ def _session(path: Path) -> Path:
 
 def _taught(folder: Path) -> Victim:
     save_trajectory(folder / "rise.csv", taught().trajectories[0], 0.15, ("RElbowYaw",))
-    path = folder / "record.json"
-    path.write_text(json.dumps({"command": "teach", "seed": 1}), encoding="utf-8")
+    path = write_json(folder / "record.json", {"command": "teach", "seed": 1})
 
     def load(path: Path) -> Demonstrations:
         beside = path.with_name("rise.csv")

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
+from creative_nao.arrays import unsealed_sha256
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, TrainingError
 from creative_nao.model import CONDITIONS, Memory, NetworkSettings, TrainingSettings, shipped_memories, train_many
-from creative_nao.model.memory import PRETRAINED
+from creative_nao.model.memory import KIND, PRETRAINED
 from creative_nao.model.training import TrainingState
-from creative_nao.runtime import sha256
 from creative_nao.schema import Count, Field, Index, record
 
 CONDITION_NAMES = tuple(CONDITIONS)  # `open`, `half`, `closed`: closed-loop ratio 0, 0.5 and 1
@@ -69,8 +69,8 @@ class Entry:
 
     @property
     def sha256(self) -> str:
-        """Hash of the memory file."""
-        return sha256(self.path)
+        """Hash of the memory file without the digests in its header."""
+        return unsealed_sha256(self.path, kind=KIND)
 
     def load(self) -> Memory:
         """Read the memory."""

@@ -27,7 +27,7 @@ from creative_nao.evaluation.paper.claims import (
     UNDECIDED,
 )
 from creative_nao.evaluation.results import naming
-from creative_nao.storage import as_json, read_text, write_text
+from creative_nao.storage import read_json, write_text
 
 PAGE = "reproduction.md"
 RESULTS_AT = "results/paper"  # where the documentation keeps the result files, seen from the page
@@ -89,7 +89,9 @@ def read_content(folder: Path) -> dict[str, Any]:
         path = folder / name
         if not path.is_file() and name != SENSITIVITY:
             raise NotFoundError(f"no {path}; make it with `creative-nao evaluate paper`")
-        content[path.stem] = as_json(read_text(path, "results"), f"results {path}") if path.is_file() else None
+        content[path.stem] = read_json(path, "results") if path.is_file() else None
+    if isinstance(content["claims"], dict):  # release 0.1.0 wrote the list alone
+        content["claims"] = content["claims"].get("claims")
     return content
 
 

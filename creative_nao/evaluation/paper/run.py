@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -88,14 +87,14 @@ def reproduce(
         )  # fmt: skip
     results = make_results(networks, resolution=settings.resolution, seed=settings.seed)
     claims = judge(networks, seed=settings.seed)
-    write_json(folder / "results.json", results)
-    write_json(folder / "claims.json", claims)
+    storage.write_json(folder / "results.json", results)
+    storage.write_json(folder / "claims.json", {"claims": claims})
     storage.write_text(folder / "networks.csv", networks_csv(networks))
     # Drawing is loaded here: a worker draws nothing.
     from creative_nao.evaluation.paper.figures import draw_pictures
 
     shown = draw_pictures(folder, bank, networks, results["rows"], seed=settings.seed)
-    write_json(folder / "figures.json", {**shown, "failures": failures})
+    storage.write_json(folder / "figures.json", {**shown, "failures": failures})
     seconds = round(time.monotonic() - start + kept.get("seconds", 0.0), 1)
     finish(folder, {**kept, "memories": memories, "n_workers": cores, "seconds": seconds})
     return Reproduction(folder, results, claims)
@@ -107,8 +106,3 @@ def finish(folder: Path, run: Mapping[str, Any]) -> None:
     write_page(folder)
     results = {k: v for k, v in hashes(folder).items() if not k.startswith(("sensitivity/", "measured/"))}
     write_record(folder, {**run, "hashes": results})
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Write a result file in one step."""
-    storage.write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
