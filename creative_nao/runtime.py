@@ -13,6 +13,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from creative_nao.storage import read_bytes
+
+MAX_HASHED_BYTES = 256_000_000
 PACKAGES = ("creative-nao", "numpy", "torch", "numba", "mujoco", "dm-control", "gymnasium", "stable-baselines3")
 
 
@@ -44,9 +47,13 @@ def record(*, settings: dict[str, Any], command: str | None = None) -> dict[str,
 
 
 def sha256(path: str | os.PathLike[str]) -> str:
-    """Return the SHA-256 of a file as hexadecimal digits."""
-    with open(path, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    """Return the SHA-256 of a plain file as hexadecimal digits.
+
+    Raises:
+        NotFoundError: If there is no such file.
+        FileFormatError: If it has more than `MAX_HASHED_BYTES` or cannot be read.
+    """
+    return hashlib.sha256(read_bytes(Path(path), "file to be hashed", MAX_HASHED_BYTES)).hexdigest()
 
 
 def usable_cores() -> int:

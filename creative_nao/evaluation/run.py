@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from creative_nao import schema, storage
-from creative_nao.agents.bundle import KIND as BUNDLE
+from creative_nao.agents import bundle
 from creative_nao.agents.bundle import find_bundle
 from creative_nao.arrays import unsealed_sha256
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
@@ -20,8 +20,8 @@ from creative_nao.evaluation.protocol import write_episodes
 from creative_nao.evaluation.results import Measured, collect, make_results, naming, write_results
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import Suite, in_bundle
-from creative_nao.model.memory import KIND as MEMORY
-from creative_nao.model.memory import PRETRAINED, shipped_memories
+from creative_nao.model import memory
+from creative_nao.model.memory import shipped_memories
 from creative_nao.runtime import record, sha256
 from creative_nao.schema import Field, JsonObject, LongText, NonNegative, Sha256, Versions
 
@@ -134,19 +134,26 @@ def write_record(folder: Path, content: dict[str, Any]) -> Path:
 
 
 def input_hashes(suite: Suite) -> dict[str, str]:
-    """Return the SHA-256 of each file that a suite brings: memories, bundles (without their digests), demonstrations.
+    """Return the SHA-256 of each file that a suite brings: memories, bundles and demonstrations.
 
     Names that only an environment knows are left out, and so are memories that the suite itself trains.
     """
-    found = {name: unsealed_sha256(find_bundle(name), kind=BUNDLE) for name in suite.agents if in_bundle(name)}
+    found = {name: _sha256(find_bundle(name)) for name in suite.agents if in_bundle(name)}
     if suite.taught is not None and suite.taught.demonstrations is not None:
         folder = Path(suite.taught.demonstrations)
         found |= {str(path): sha256(path) for path in sorted(folder.glob("*.csv"))}
+    shipped = set(shipped_memories())
     for name in suite.memories:
-        path = PRETRAINED / f"{name.replace('/', '-')}.safetensors" if name in shipped_memories() else Path(name)
+        path = memory.PRETRAINED / f"{name.replace('/', '-')}.safetensors" if name in shipped else Path(name)
         if path.is_file():
-            found[name] = unsealed_sha256(path, kind=MEMORY)
+            found[name] = _sha256(path)
     return found
+
+
+def _sha256(path: Path) -> str:
+    """Return the SHA-256 of a file; of one that ships, as 0.1.0 shipped it: without the digests in its header."""
+    kind = {memory.PRETRAINED: memory.KIND, bundle.PRETRAINED: bundle.KIND}.get(path.parent)
+    return sha256(path) if kind is None else unsealed_sha256(path, kind=kind)
 
 
 def hashes(folder: Path) -> dict[str, str]:

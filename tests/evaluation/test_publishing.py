@@ -11,7 +11,7 @@ from publish_results import MENTAL, publish, read_published, result_page
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.leaderboard import leaderboard
-from creative_nao.evaluation.results import make_results, verdict
+from creative_nao.evaluation.results import make_results, read_results, verdict
 from creative_nao.evaluation.runner import LocalExecutor
 from creative_nao.evaluation.verification import contradictions, verify
 from creative_nao.schema import dump
@@ -183,7 +183,7 @@ def test_a_published_file_can_be_verified_without_its_run_folder(published, fini
 
 
 def test_a_changed_figure_does_not_hold(published, finished, tmp_path):
-    results = json.loads((published / "results" / "fake.json").read_text())
+    results = read_results(published / "results" / "fake.json")
     row = results["rows"][0]
     row["reward_per_seed"]["0"] += 1e-9
     path = tmp_path / "changed.json"
@@ -205,7 +205,7 @@ def test_a_mean_that_does_not_follow_from_its_episodes_is_told(finished):
 
 
 def test_other_versions_are_told_and_judged_by_the_tolerance(published, finished, tmp_path):
-    results = json.loads((published / "results" / "fake.json").read_text())
+    results = read_results(published / "results" / "fake.json")
     results["record"]["versions"]["numpy"] = "1.0"
     row = results["rows"][0]
     row["reward_per_seed"]["0"] *= 1.005

@@ -21,7 +21,9 @@ def timeless(results):
 
 
 def strict(path):
-    return json.loads(path.read_text(encoding="utf-8"), parse_constant=lambda name: pytest.fail(f"{name} in {path}"))
+    found = json.loads(path.read_text(encoding="utf-8"), parse_constant=lambda name: pytest.fail(f"{name} in {path}"))
+    assert len(found.pop("sha256")) == 64
+    return found
 
 
 def test_every_agent_has_a_row_in_every_environment(finished):
@@ -163,7 +165,7 @@ def test_another_run_s_folder_is_not_continued(finished, make_suite, changes, se
 def test_results_of_two_versions_are_not_mixed(finished, make_suite, tmp_path):
     folder = tmp_path / "old"
     shutil.copytree(finished.folder, folder)
-    record = json.loads((folder / "run.json").read_text())
+    record = strict(folder / "run.json")
     record["versions"]["numpy"] = "1.0"
     (folder / "run.json").write_text(json.dumps(record))
     with pytest.raises(SettingsError, match=r"was started with numpy 1.0, now it is .*would be mixed"):

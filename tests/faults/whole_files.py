@@ -9,8 +9,8 @@ import numpy as np
 from PIL import Image
 from safetensors.numpy import load
 
-TIMELESS = ("created", "seconds", "wall_s", "cpu_s", "machine", "hashes", "Updated")
-"""Fields of JSON that tell when, how fast and on what something was made; `hashes` are of files that hold them."""
+TIMELESS = ("created", "seconds", "wall_s", "cpu_s", "machine", "hashes", "Updated", "sha256", "arrays_sha256")
+"""Fields of JSON that tell when, how fast and on what something was made; hashes are of what holds them."""
 
 
 def remains(folder):

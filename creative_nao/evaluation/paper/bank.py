@@ -69,7 +69,7 @@ class Entry:
 
     @property
     def sha256(self) -> str:
-        """Hash of the memory file without the digests in its header."""
+        """Hash of the memory file without the digests in its header, as release 0.1.0 wrote it."""
         return unsealed_sha256(self.path, kind=KIND)
 
     def load(self) -> Memory:

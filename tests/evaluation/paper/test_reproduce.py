@@ -41,7 +41,9 @@ def undrawn(monkeypatch):
 
 
 def strict(path):
-    return json.loads(path.read_text(encoding="utf-8"), parse_constant=lambda name: pytest.fail(f"{name} in {path}"))
+    found = json.loads(path.read_text(encoding="utf-8"), parse_constant=lambda name: pytest.fail(f"{name} in {path}"))
+    assert len(found.pop("sha256")) == 64
+    return found
 
 
 def contents(folder):
