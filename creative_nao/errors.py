@@ -24,11 +24,19 @@ class CreativeNaoError(Exception):
         text = str(message)
         if len(text) > LONGEST_MESSAGE:
             text = f"{text[: LONGEST_MESSAGE // 2]} [...] {text[-(LONGEST_MESSAGE // 2 - 7) :]}"
-        super().__init__(text if text.isprintable() else "".join(map(_visible, text))[:LONGEST_MESSAGE])
+        super().__init__(printable(text.replace("\n", " "))[:LONGEST_MESSAGE])
 
 
-def _visible(mark: str) -> str:
-    return mark if mark.isprintable() else " " if mark == "\n" else ascii(mark)[1:-1]
+def printable(text: str, keep: str = "") -> str:
+    r"""Return text as a terminal may show it: what cannot be seen there, but for `keep`, is written as an escape.
+
+    Example:
+        >>> printable("a name \x1b[2J")
+        'a name \\x1b[2J'
+    """
+    if text.isprintable():
+        return text
+    return "".join(mark if mark.isprintable() or mark in keep else ascii(mark)[1:-1] for mark in text)
 
 
 class ShapeError(CreativeNaoError, ValueError):

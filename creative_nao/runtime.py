@@ -6,16 +6,22 @@ import datetime
 import hashlib
 import importlib.metadata
 import json
+import logging
 import os
 import platform
 import shlex
 import sys
+import threading
+import time
 from pathlib import Path
 from typing import Any
 
+from creative_nao.errors import SettingsError
 from creative_nao.storage import read_bytes
 
 MAX_HASHED_BYTES = 256_000_000
+NOTICE_S = 0.6
+"""How long compilation is not worth a word [s]."""
 PACKAGES = ("creative-nao", "numpy", "torch", "numba", "mujoco", "dm-control", "gymnasium", "stable-baselines3")
 
 
@@ -77,3 +83,42 @@ def search_current_folder() -> None:
     """Let modules that the user named be found in the current folder too, after all others."""
     if (here := os.getcwd()) not in sys.path and "" not in sys.path:
         sys.path.append(here)
+
+
+def announce_compilation() -> None:
+    """Have a process say it within a second, once, when it compiles machine code: the first use can take a minute.
+
+    It is a warning of the logger `creative_nao`, which goes to stderr unless a program has set up logging.
+
+    Raises:
+        SettingsError: If numba is told not to compile; not all of this code can be interpreted.
+    """
+    from numba.core import config, event
+
+    if config.DISABLE_JIT:
+        raise SettingsError("NUMBA_DISABLE_JIT is set, but movements are computed by compiled code only; unset it")
+
+    class Listener(event.Listener):
+        n_running, begun_s, said = 0, 0.0, False
+
+        def on_start(self, event: object) -> None:
+            self.n_running += 1
+            if not self.begun_s:
+                self.begun_s = time.monotonic()
+                timer = threading.Timer(NOTICE_S, self.say)
+                timer.daemon = True
+                timer.start()
+            elif time.monotonic() - self.begun_s > NOTICE_S:
+                self.say()
+
+        def on_end(self, event: object) -> None:
+            self.n_running -= 1
+
+        def say(self) -> None:
+            if self.n_running and not self.said:
+                self.said = True
+                logging.getLogger("creative_nao").warning(
+                    "creative-nao compiles code for this processor, which can take a minute; later runs find it ready"
+                )
+
+    event.register("numba:compile", Listener())

@@ -21,7 +21,7 @@ from typing import Annotated, Any, Union, cast, get_args, get_origin, get_type_h
 import tyro
 from tyro.constructors import ConstructorRegistry, StructConstructorSpec, StructFieldSpec, StructTypeInfo
 
-from creative_nao.errors import CreativeNaoError, nearest_name
+from creative_nao.errors import CreativeNaoError, nearest_name, printable
 from creative_nao.storage import DISK_FAULTS
 
 FLAGS = ConstructorRegistry()
@@ -134,6 +134,9 @@ USER_ERROR, INTERRUPTED = 2, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code: 0, 2 for a user's mistake, 130 after Ctrl-C or SIGTERM."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    for stream in (sys.stdout, sys.stderr):  # what the terminal's encoding does not have is written as an escape
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     if not words or words[0] in ("-h", "--help"):
         print(overview())
         return 0
@@ -241,5 +244,5 @@ def _one_line(box: str) -> str:
 
 
 def _fail(message: str) -> int:
-    print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
+    print(f"{PROGRAM}: {printable(' '.join(message.split()))}", file=sys.stderr)
     return USER_ERROR

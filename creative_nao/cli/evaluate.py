@@ -14,10 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import tyro
-from rich.console import Console
 from rich.table import Table
 
-from creative_nao.cli.terminal import Display, print_result
+from creative_nao.cli.terminal import Display, Terminal, print_result
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.evaluation.leaderboard import leaderboard, with_record
@@ -110,7 +109,7 @@ class VerifySettings(JobOptions):
             )  # fmt: skip
         figures = {"holds": verification.holds, "exact": verification.exact, **dataclasses.asdict(verification)}
         if not self.json:
-            (Console() if sys.stdout.isatty() else Console(width=140)).print(_table(verification, path))
+            (Terminal() if sys.stdout.isatty() else Terminal(width=140)).print(_table(verification, path))
         print_result(figures, _lines(verification, path), as_json=self.json)
         return 0 if verification.holds else DOES_NOT_HOLD
 
@@ -156,7 +155,7 @@ def run_suite(
 ) -> int:
     """Let `work` fill a run folder and print its figures or tables; return the exit code: 0, or 130 after Ctrl-C."""
     folder = asked.out or Path("runs") / f"{name}-{datetime.datetime.now():%Y%m%d-%H%M%S}"
-    console = Console(stderr=True)  # so that --json leaves stdout to the figures
+    console = Terminal(stderr=True)  # so that --json leaves stdout to the figures
     try:
         figures, tables = work(folder)
     except KeyboardInterrupt:
@@ -167,7 +166,7 @@ def run_suite(
     if asked.json:
         sys.stdout.write(json.dumps(figures, indent=2, allow_nan=False) + "\n")
     else:
-        console = Console() if sys.stdout.isatty() else Console(width=width)
+        console = Terminal() if sys.stdout.isatty() else Terminal(width=width)
         for table in tables:
             console.print(table)
     for file, what in files.items():

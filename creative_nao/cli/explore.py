@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import tyro
 
-from creative_nao.errors import FileFormatError, MissingDependencyError, NotFoundError, SettingsError, shown
+from creative_nao.errors import FileFormatError, MissingDependencyError, NotFoundError, SettingsError, printable, shown
 from creative_nao.model import load_memory
 from creative_nao.storage import read_text
 
@@ -76,7 +76,8 @@ def run(settings: ExploreSettings) -> int:
     app_state = AppState(
         MemoryRegistry(memories, settings.resolution, physical), PhysicsService(), session, agent_points
     )
-    print(f"{' beside '.join(settings.memories)} is at http://{settings.host}:{settings.port}/  (Ctrl-C ends)")
+    memories_shown = printable(" beside ".join(settings.memories))
+    print(f"{memories_shown} is at http://{settings.host}:{settings.port}/  (Ctrl-C ends)")
     if settings.host not in ("127.0.0.1", "localhost", "::1"):
         print("warning: other machines can reach this page, and it asks nobody for a password", file=sys.stderr)
     sys.stdout.flush()
@@ -124,5 +125,6 @@ def _write_page(settings: ExploreSettings, target: Path) -> int:
     memory = load_memory(next(iter(settings.memories)))
     physical = load_physical(settings.physical, [memory])
     written = write_page(memory, target, settings.resolution, next(iter(physical.values()), None))
-    print(f"written: {written}, {written.stat().st_size / 1e6:.1f} MB; it opens by double click, without a network")
+    megabytes = written.stat().st_size / 1e6
+    print(f"written: {printable(str(written))}, {megabytes:.1f} MB; it opens by double click, without a network")
     return 0

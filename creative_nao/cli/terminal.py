@@ -17,11 +17,23 @@ from typing import Any, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
-from creative_nao.errors import SettingsError
+from creative_nao.errors import SettingsError, printable
 
 PLAIN_EVERY_S = 10.0
 """Time between two lines of progress where there is no terminal [s]."""
+
+
+class Terminal(Console):
+    """A console for text out of strangers' files: nothing in it is markup, and what cannot be seen is escaped."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(markup=False, emoji=False, **options)
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Return a text or the cell of a table as it is shown."""
+        return super().render_str(printable(text, keep="\n"), **options)
 
 
 class Display:
@@ -37,14 +49,13 @@ class Display:
         self._totals = dict(totals)
         self._done = dict.fromkeys(totals, 0)
         self._first: dict[str, int] = {}
-        self.console = Console(stderr=True)
-        columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.fields[note]}"))
-        self._bar = Progress(
-            TextColumn("{task.description}"), *columns, console=self.console, disable=not self.console.is_terminal
-        )
+        self.console = Terminal(stderr=True)
+        name, note = (TextColumn(text, markup=False) for text in ("{task.description}", "{task.fields[note]}"))
+        columns = (name, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), note)
+        self._bar = Progress(*columns, console=self.console, disable=not self.console.is_terminal)
         self._whole = self._bar.add_task("all", total=sum(totals.values()), note="") if len(totals) > 1 else None
         self._tasks = {
-            name: self._bar.add_task(name, total=total, note="", start=False, visible=self._whole is None)
+            name: self._bar.add_task(printable(name), total=total, note="", start=False, visible=self._whole is None)
             for name, total in totals.items()
         }
         self._lock = threading.Lock()  # pieces report from threads of their own
@@ -73,6 +84,7 @@ class Display:
             self._done[name] = done
             left = self._seconds_left() if seconds_left is None else seconds_left
             time_left = "" if left is None else f"about {duration(left)} left"
+            note = printable(note)
             texts = [text for text in (note, time_left if self._whole is None else "") if text]
             visible = self._whole is None or done < total
             self._bar.update(self._tasks[name], total=total, completed=done, note=", ".join(texts), visible=visible)
@@ -150,4 +162,4 @@ def print_result(figures: Mapping[str, Any] | Sequence[Any], lines: Iterable[str
         print(json.dumps(figures))
         return
     for line in lines:
-        print(line)
+        print(printable(line))

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import jinja2
-from rich.markup import escape
 from rich.table import Table
 
 WIDTH = 120
@@ -212,12 +211,12 @@ def terminal_table(results: Mapping[str, Any]) -> Table:
     table.add_column("agent", style="bold")
     table.add_column("environment")
     for title in SUMMARY_TITLES if several else TITLES:
-        table.add_column(escape(title), justify="right")
+        table.add_column(title, justify="right")
     entries = results["summary"] if several else rows
     for place, entry in enumerate(entries):
         last = place + 1 == len(entries) or entries[place + 1]["env"] != entry["env"]
         texts = ["\n".join(filter(None, cell)) for cell in (summary_cells if several else cells)(entry)]
-        table.add_row(escape(entry["agent"]), env_label(entry["env"]), *map(escape, texts), end_section=last)
+        table.add_row(entry["agent"], env_label(entry["env"]), *texts, end_section=last)
     return table
 
 

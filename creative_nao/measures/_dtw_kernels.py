@@ -23,6 +23,8 @@ import numpy as np
 from numba import njit, prange, types
 from numba.extending import intrinsic
 
+from creative_nao.runtime import announce_compilation
+
 # numba hands an intrinsic its first argument by itself.
 # pyright: reportCallIssue=false
 
@@ -33,6 +35,9 @@ BLOCK = 8  # joints handled by one expression; the caller pads with zeros, which
 BORDER = 1e30  # where no path may come from. Infinity is never used
 # Whether this machine has fused multiply-add; where it has not, a product and a sum are rounded one by one.
 FUSES = bool(llvm.get_host_cpu_features().get("fma", not llvm.get_default_triple().startswith(("x86", "i"))))
+
+
+announce_compilation()
 
 
 def compiled(**options: Any) -> Any:
