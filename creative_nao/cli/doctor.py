@@ -13,7 +13,7 @@ from typing import Any
 
 from creative_nao.cli.terminal import print_result
 from creative_nao.errors import MissingDependencyError
-from creative_nao.robot import rendering
+from creative_nao.robot import opengl
 from creative_nao.runtime import usable_cores, versions
 
 _GIB = 2**30
@@ -36,21 +36,20 @@ def run(settings: DoctorSettings) -> int:
 
 def examine() -> dict[str, Any]:
     """Return everything there is to know, as plain JSON values."""
-    back_ends = {name: rendering.probe(name) for name in rendering.ON}
-    chosen = os.environ.get("MUJOCO_GL", "").lower()
-    in_software = chosen in rendering.OFF or all([back_ends[chosen]] if chosen in back_ends else back_ends.values())
+    back_ends = {name: opengl.probe(name) for name in opengl.ON}
+    in_software = opengl.asked in opengl.OFF or all(back_ends.values())
     return {
         "versions": versions(),
         "platform": sys.platform,
         "cores": usable_cores(),
         "memory_gib": _memory_gib(),
         "display": os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY") or None,
-        "mujoco_gl": os.environ.get("MUJOCO_GL") or None,
+        "mujoco_gl": opengl.asked or None,
         "back_ends": {
-            name: {"works": not reason, "reason": reason or None, "apt": rendering.PACKAGES[name]}
+            name: {"works": not reason, "reason": reason or None, "apt": opengl.PACKAGES[name]}
             for name, reason in back_ends.items()
         },
-        "rendering": rendering.working_backend(),
+        "rendering": opengl.working_backend(),
         "software_renderer": in_software,
         "dm_control": _dm_control(),
         "numba_cache": _numba_cache(),
@@ -79,8 +78,9 @@ def _dm_control() -> dict[str, Any]:
     """Return whether `creative_nao.envs.load` works, and why not: without dm-control all else does."""
     try:
         importlib.import_module("creative_nao.envs.boxing_task")
-    except MissingDependencyError as error:
-        return {"works": False, "reason": str(error)}
+    except Exception as error:  # a doctor finishes, whatever another library says
+        known = isinstance(error, MissingDependencyError)
+        return {"works": False, "reason": str(error) if known else f"{type(error).__name__}: {error}"}
     return {"works": True, "reason": None}
 
 

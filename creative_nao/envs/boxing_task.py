@@ -10,6 +10,10 @@ The only file that needs dm_control. Entity, arena and task are built by compose
 # pyright: reportIncompatibleMethodOverride=false
 from __future__ import annotations
 
+import contextlib
+import functools
+import os
+from collections.abc import Iterator
 from typing import Any
 
 import creative_nao.robot  # noqa: F401 - it chooses how MuJoCo draws, which must come before MuJoCo
@@ -20,14 +24,27 @@ import numpy as np
 
 from creative_nao.errors import MissingDependencyError, SettingsError
 from creative_nao.joints import JOINTS, N_JOINTS, limits
+from creative_nao.robot import opengl
 from creative_nao.robot.performance import has_fallen, tilt_rad
 from creative_nao.robot.scene import BAG_FORCE, BAG_XML, NAO_XML, RING_XML, Scene
 from creative_nao.schema import NonNegative, Positive, checked
 
 try:
+    try:
+        from dm_control import _render
+    except ModuleNotFoundError:
+        raise
+    except Exception:  # its import fails where its back end does; BoxingTask draws by a context of its own
+        word = os.environ.get("MUJOCO_GL", "")
+        os.environ["MUJOCO_GL"] = "disable"
+        from dm_control import _render  # noqa: F401
+
+        os.environ["MUJOCO_GL"] = word
     from dm_control import composer, mjcf
+    from dm_control._render import base, executor
     from dm_control.composer import define
     from dm_control.composer.observation import observable
+    from dm_control.mujoco import engine
     from dm_env import specs
 except ModuleNotFoundError as error:
     if error.name not in ("dm_control", "dm_env"):
@@ -117,6 +134,40 @@ class BagObservables(composer.Observables):
         return observable.MJCFFeature("qvel", self._entity.mjcf_model.find_all("joint"))
 
 
+class RingContext(base.ContextBase):
+    """Draws for dm_control as `robot.Renderer` does: in any thread, whatever was imported before."""
+
+    def __init__(self, gl: opengl.EGLContext | opengl.MujocoContext) -> None:
+        self._pid, self._gl = os.getpid(), gl
+        super().__init__(0, 0, executor.PassthroughRenderExecutor)
+
+    def _platform_init(self, width: int, height: int) -> None:
+        """Nothing: OpenGL was started before, which may fail."""
+
+    def _platform_make_current(self) -> None:
+        """Nothing: the context is current only while something is drawn."""
+
+    def _platform_free(self) -> None:
+        if self._pid == os.getpid():
+            self._gl.free()
+
+    @contextlib.contextmanager
+    def make_current(self) -> Iterator[Any]:
+        """Draw here; SettingsError says that this process was forked after the first picture."""
+        if self._pid != os.getpid():
+            raise SettingsError("a process that was forked after the first picture cannot draw; make a new environment")
+        with self._render_executor.execution_context() as context, opengl.lock, self._gl.current():
+            yield context
+
+
+def _make_contexts(physics: Any) -> None:
+    """Do what `physics` would to draw, with a `RingContext`."""
+    size = physics.model.vis.global_
+    context = RingContext(opengl.start(size.offwidth, size.offheight))
+    drawing = engine.wrapper.MjrContext(physics.model, context)
+    physics._contexts = engine.Contexts(gl=context, mujoco=drawing)
+
+
 class BoxingTask(composer.Task):
     """The NAO boxes the bag, standing on its own feet; legs and head hold the guard.
 
@@ -185,6 +236,7 @@ class BoxingTask(composer.Task):
         """Let the scene use the model that the environment compiled."""
         self.scene = Scene.from_model(physics.model.ptr)
         self._settled = None
+        physics._make_rendering_contexts = functools.partial(_make_contexts, physics)
 
     def initialize_episode(self, physics: Any, random_state: np.random.RandomState) -> None:
         """Stand in the settled guard, with the arms turned by the start noise."""

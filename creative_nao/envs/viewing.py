@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import functools
+import importlib
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from creative_nao.envs.executors import FRAME_DT_S, Execution, SharedScene
 from creative_nao.errors import MissingDependencyError, SettingsError
+from creative_nao.robot import opengl
 from creative_nao.schema import checked
 
 if TYPE_CHECKING:
@@ -113,13 +115,15 @@ class Recorder:
     def _play(self, frames: np.ndarray) -> None:
         """Play snapshots, (n_frames, nq), in a window at real speed; the window opens with the first."""
         import mujoco
-        import mujoco.viewer
 
         model = self._shared.scene.model
         if self._window is None:
-            self._data = mujoco.MjData(model)
+            self._data, missing = mujoco.MjData(model), opengl.missing_window()
             try:
-                self._window = mujoco.viewer.launch_passive(model, self._data, show_left_ui=False, show_right_ui=False)
+                if missing:
+                    raise OSError(missing)
+                viewer = importlib.import_module("mujoco.viewer")
+                self._window = viewer.launch_passive(model, self._data, show_left_ui=False, show_right_ui=False)
             except Exception as error:  # whatever the window system says
                 raise MissingDependencyError(
                     f'render_mode="human" opens a window, which needs a display ({error}); '

@@ -12,7 +12,7 @@ Names load at first use: importing this package alone loads neither MuJoCo nor G
 
 import lazy_loader
 
-from creative_nao.robot import rendering
+from creative_nao.robot import opengl
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-rendering.choose_backend()  # before anything of this package imports MuJoCo
+opengl.choose_backend()  # before anything of this package imports MuJoCo

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from creative_nao.cli import doctor, main
-from creative_nao.robot import can_draw, rendering
+from creative_nao.robot import can_draw, opengl
 
 
 @pytest.fixture(scope="module")
@@ -26,15 +26,13 @@ def test_it_tells_what_is_there(found):
 
 
 def test_a_back_end_that_works_here_is_said_to_work(found):
-    assert found["software_renderer"] is not can_draw() or os.environ.get("MUJOCO_GL") in rendering.OFF
+    assert found["software_renderer"] is not can_draw() or os.environ.get("MUJOCO_GL") in opengl.OFF
     if found["rendering"] != "disable":
         assert found["back_ends"][found["rendering"]]["works"]
 
 
 def test_each_state_is_said_with_the_packages_that_help(found, capsys, monkeypatch):
-    broken = found | {
-        "back_ends": {n: {"works": False, "reason": "why", "apt": p} for n, p in rendering.PACKAGES.items()}
-    }
+    broken = found | {"back_ends": {n: {"works": False, "reason": "why", "apt": p} for n, p in opengl.PACKAGES.items()}}
     monkeypatch.setattr(doctor, "examine", lambda: broken | {"software_renderer": True, "video": False})
     assert main(["doctor"]) == 0
     text = capsys.readouterr().out
@@ -58,9 +56,9 @@ def test_it_works_where_nothing_else_does(tmp_path):
 
 
 def test_a_back_end_that_breaks_is_told_with_its_reason(monkeypatch):
-    monkeypatch.setattr(rendering, "_missing", lambda backend: "")
-    assert "vulkan" in rendering.probe("vulkan")  # dm_control or mujoco, whichever notices first
-    assert rendering.probe("egl", timeout_s=0.001) == "no answer within 0.001 s"
+    monkeypatch.setattr(opengl, "_missing", lambda backend: "")
+    assert "vulkan" in opengl.probe("vulkan")  # dm_control or mujoco, whichever notices first
+    assert opengl.probe("egl", timeout_s=0.001) == "no answer within 0.001 s"
 
 
 @pytest.mark.parametrize(
@@ -68,9 +66,9 @@ def test_a_back_end_that_breaks_is_told_with_its_reason(monkeypatch):
     [("egl", "libEGL is missing"), ("osmesa", "libOSMesa is missing"), ("glfw", "no display; xvfb-run gives")],
 )
 def test_what_is_missing_is_said_in_words(backend, reason, monkeypatch):
-    monkeypatch.setattr(rendering, "_loads", lambda library: False)
+    monkeypatch.setattr(opengl, "_loads", lambda library: False)
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
 
-    assert rendering.probe(backend).startswith(reason)
+    assert opengl.probe(backend).startswith(reason)

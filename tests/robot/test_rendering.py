@@ -15,8 +15,8 @@ from creative_nao.robot import (
     film_strip,
     imagined_frames,
     moments,
+    opengl,
     pictures,
-    rendering,
     write_gif,
 )
 
@@ -100,25 +100,61 @@ print([name for name in ("mujoco", "dm_control", "OpenGL") if name in sys.module
     ],
 )
 def test_the_first_back_end_that_works_is_chosen(monkeypatch, libraries, egl, expected):
-    monkeypatch.setattr(rendering, "_egl_starts", lambda: egl)
-    monkeypatch.setattr(rendering, "_loads", lambda name: name in libraries)
-    assert rendering.working_backend() == expected
+    monkeypatch.setattr(opengl, "_egl_starts", lambda: egl)
+    monkeypatch.setattr(opengl, "_loads", lambda name: name in libraries)
+    monkeypatch.delitem(
+        sys.modules, "OpenGL.platform", raising=False
+    )  # loaded for another back end it rules OSMesa out
+    assert opengl.working_backend() == expected
 
 
-@pytest.mark.parametrize("name", ["MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY"])
-def test_what_the_user_or_a_display_decides_stays(monkeypatch, name):
+@pytest.mark.parametrize("name", ["DISPLAY", "WAYLAND_DISPLAY"])
+def test_what_a_display_decides_stays(monkeypatch, name):
     for variable in ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(variable, raising=False)
-    monkeypatch.setenv(name, "glfw")
+    monkeypatch.setenv(name, ":0")
     before = dict(os.environ)
-    rendering.choose_backend()
+    opengl.choose_backend()
     assert dict(os.environ) == before
 
 
-def test_a_broken_back_end_is_reported_with_its_name(scene, monkeypatch):
-    monkeypatch.setenv("MUJOCO_GL", "vulkan")
-    with pytest.raises(MissingDependencyError, match=r"MUJOCO_GL=vulkan: no back end `vulkan`"):
-        rendering.Renderer(scene.model)
+@pytest.mark.parametrize(
+    ("word", "display", "chosen"),
+    [
+        ("egl", "", "egl"),
+        (" EGL", "", "egl"),
+        ("osmesa", "", "egl"),
+        ("glfw", "", "egl"),
+        ("glfw", ":0", "glfw"),
+        ("vulkan", "", "egl"),
+        ("vulkan", ":0", "glfw"),
+        ("1", "", "egl"),
+        ("Off", "", "off"),
+        ("disable", ":0", "disable"),
+    ],
+)
+def test_a_word_that_works_here_stays_and_another_is_replaced(attempt, monkeypatch, word, display, chosen):
+    attempt("drawing", "MUJOCO_GL in any case, unknown, or of a back end that is missing", "replaced by one that works")
+    monkeypatch.setattr(opengl, "_egl_starts", lambda: True)
+    monkeypatch.setattr(opengl, "_loads", lambda name: "OSMesa" not in name)
+    for name, value in {"MUJOCO_GL": word, "DISPLAY": display, "PYOPENGL_PLATFORM": "glx"}.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(opengl, "asked", opengl.asked)
+    monkeypatch.setattr(opengl, "none_works", opengl.none_works)
+    opengl.choose_backend()
+    assert os.environ["MUJOCO_GL"] == chosen
+    assert os.environ["PYOPENGL_PLATFORM"] == ("egl" if chosen == "egl" else "glx")
+
+
+def test_a_back_end_that_does_not_start_is_reported_with_its_name(monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    monkeypatch.setenv("MUJOCO_EGL_DEVICE_ID", "77")
+    monkeypatch.setattr(opengl, "_loads", lambda name: "OSMesa" not in name)
+    with pytest.raises(
+        MissingDependencyError, match=r"MUJOCO_EGL_DEVICE_ID=77 none of \d+ devices of EGL starts|libEGL"
+    ):
+        opengl.start(16, 16)
 
 
 @needs_gl
