@@ -24,7 +24,6 @@ from dtw_variants import dtw_variant_matrix
 from creative_nao import storage
 from creative_nao.cli.terminal import Display
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
-from creative_nao.demonstrations.files import monotone_cubic
 from creative_nao.errors import CreativeNaoError, SettingsError
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Entry, Report, entry_of, shipped_bank, wanted_networks
 from creative_nao.evaluation.paper.claims import DECIDED_BY_TABLE_I, compare, values_of
@@ -34,6 +33,7 @@ from creative_nao.evaluation.paper.summary import mean_with_interval
 from creative_nao.evaluation.run import read_record, refuse_links
 from creative_nao.evaluation.runner import in_threads
 from creative_nao.evaluation.statistics import seed_sequence
+from creative_nao.exchange.motion import monotone_cubic
 from creative_nao.maps import pb_grid
 from creative_nao.measures import Criteria, is_appropriate
 from creative_nao.measures.diversity import N_DRAWS, N_SAMPLES, draw_samples

@@ -17,15 +17,15 @@ ORDER = [
     "envs",
     "maps",
     "model",
-    "exchange",
     "demonstrations",
+    "exchange",
     "measures",
     "robot",
 ]
 MAY_IMPORT = {part: set(ORDER[place + 1 :]) | BASE for place, part in enumerate(ORDER)}
 MAY_IMPORT["measures"] = BASE  # siblings: measures and robot know nothing of each other
-MAY_IMPORT["demonstrations"] = {"robot"} | BASE
-MAY_IMPORT["exchange"] = {"demonstrations"} | BASE
+MAY_IMPORT["demonstrations"] = {"exchange", "robot"} | BASE
+MAY_IMPORT["exchange"] = {"robot"} | BASE
 MAY_IMPORT["robot"] = BASE
 
 

@@ -99,6 +99,8 @@ def _value_name(name: str, hint: Any, *, required: bool) -> str | None:
             return f"{name.upper()}{several}" if required else f"[{name.upper()}{several}]"
     if get_origin(kind) in (Union, types.UnionType) and type(None) in get_args(kind):
         (value,) = (one for one in get_args(kind) if one is not type(None))
+        if get_origin(value) is Annotated:
+            value = get_args(value)[0]
         if get_origin(value) is tuple:
             one = get_args(value)[0].__name__.upper()
             return f"{one} [{one} ...]"

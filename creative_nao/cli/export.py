@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import json
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ import tyro
 from creative_nao import exchange, runtime, storage
 from creative_nao.cli.terminal import Display, print_result
 from creative_nao.errors import MissingDependencyError, SettingsError
-from creative_nao.exchange import Exported, Motion, Unsafe, made_safe
+from creative_nao.exchange import NOTHING_SAID, Exported, Motion, Reading, Recording, Unsafe, made_safe
 from creative_nao.joints import JOINTS
 
 FILM_ENDINGS = {"gif": (".gif",), "mp4": (".mp4",)}
@@ -105,7 +106,7 @@ def _write_mp4(images: list[np.ndarray], path: Path, frame_dt_s: float) -> None:
             film.close()
 
 
-Format = Literal["csv", "npz", "naoqi", "json", "ros", "webots", "gif", "mp4"]
+Format = Literal["csv", "npz", "naoqi", "json", "ros", "webots", "bvh", "gif", "mp4"]
 
 
 @dataclass(frozen=True)
@@ -126,9 +127,10 @@ class ExportSettings:
     csv: Path | None = None
     """CSV file with the header time_s,RShoulderPitch,... to take the movement from."""
     from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
-    """File of any known format to take the movement from; the format is recognised."""
+    """File of any known format to take the movement from; the format is recognised. Of several movements in it each
+    gets a file of its own, numbered from 1."""
     format: Format | None = None
-    """csv, npz, naoqi (.py), json, ros (.yaml, .json), webots (.motion), gif or mp4; default: by the ending."""
+    """csv, npz, naoqi (.py), json, ros (.yaml, .json), webots (.motion), bvh, gif or mp4; default: by the ending."""
     unsafe: Unsafe = "refuse"
     """What to do beyond the joints' ranges and speeds: clip keeps angles within and slows down; keep is for data."""
     n_steps: int | None = None
@@ -144,14 +146,32 @@ class ExportSettings:
     height: int = 360
     """For a film: height in pixels."""
     json: bool = False
-    """Print what was written as JSON."""
+    """Print what was written as JSON; a list where there are several files."""
+    reading: Annotated[Reading, tyro.conf.OmitArgPrefixes] = NOTHING_SAID
+    """What a recording does not say about itself."""
 
 
 def run(settings: ExportSettings) -> int:
     """Find the movement, write the file, say what was changed for safety."""
     films = (name for name, endings in FILM_ENDINGS.items() if settings.out.suffix.lower() in endings)
     format = settings.format or next(films, None) or exchange.format_for(settings.out)
-    motion, notes = _motion(settings)
+    movements = _movements(settings)
+    figures, lines = [], list[str]()
+    for number, (motion, notes) in enumerate(movements, start=1):
+        out = settings.out
+        if len(movements) > 1:
+            out = out.with_name(f"{out.stem}-{number}{out.suffix}")
+        one, told = _written(dataclasses.replace(settings, out=out), motion, notes, format)
+        figures.append(one)
+        lines += told
+    print_result(figures if len(figures) > 1 else figures[0], lines, as_json=settings.json)
+    return 0
+
+
+def _written(
+    settings: ExportSettings, motion: Motion, notes: list[str], format: str
+) -> tuple[dict[str, Any], list[str]]:
+    """Write one movement; return what was written, and in words."""
     if format in FILM_ENDINGS:
         done = _film(settings, motion, format)
     else:
@@ -175,12 +195,11 @@ def run(settings: ExportSettings) -> int:
     lines += [f"  {sentence}" for sentence in (*done.changes, *notes)]
     if done.record is not None:
         lines.append(f"  source, command and versions: {done.record}")
-    print_result(figures, lines, as_json=settings.json)
-    return 0
+    return figures, lines
 
 
-def _motion(settings: ExportSettings) -> tuple[Motion, list[str]]:
-    """Return the movement that was asked for, and what was recognised in its file."""
+def _movements(settings: ExportSettings) -> list[tuple[Motion, list[str]]]:
+    """Return the movements that were asked for, each with what was recognised in its file."""
     given = [name for name in ("pb", "action", "csv", "from_") if getattr(settings, name) is not None]
     if len(given) != 1:
         told = " and ".join(f"--{name.rstrip('_')}" for name in given) or "none of them"
@@ -191,9 +210,9 @@ def _motion(settings: ExportSettings) -> tuple[Motion, list[str]]:
     metadata = {"command": runtime.command_line(), "versions": runtime.versions()}
     file = settings.csv or settings.from_
     if file is not None:
-        read = exchange.read(file, settings.dt_s, format="csv" if settings.csv else None)
-        metadata = {"source": f"recording {file.name}", "recording": read.motion.metadata} | metadata
-        return Motion(read.motion.angles, read.motion.dt_s, read.motion.joints, metadata), list(read.notes)
+        format = "csv" if settings.csv else None
+        found = exchange.read_all(file, settings.dt_s, format=format, reading=settings.reading)
+        return [_recorded(one, file, metadata, len(found)) for one in found]
     if settings.dt_s is not None:
         raise SettingsError("export: --dt-s is for --csv and --from; a memory has its own tick")
     from creative_nao.model import load_memory
@@ -207,4 +226,12 @@ def _motion(settings: ExportSettings) -> tuple[Motion, list[str]]:
         assert settings.pb is not None
         angles = memory.generate(np.array([settings.pb]), settings.n_steps)[0]
         source |= {"source": f"memory {settings.memory} at PB {list(settings.pb)}", "pb": list(settings.pb)}
-    return Motion(angles, memory.dt_s, memory.joints, source | metadata), []
+    return [(Motion(angles, memory.dt_s, memory.joints, source | metadata), [])]
+
+
+def _recorded(read: Recording, file: Path, metadata: dict[str, Any], n_found: int) -> tuple[Motion, list[str]]:
+    place = f", {read.place}" if n_found > 1 else ""
+    beside = {"source": f"recording {file.name}{place}", "recording": read.motion.metadata}
+    if read.notes:
+        beside["notes"] = list(read.notes)
+    return dataclasses.replace(read.motion, metadata=beside | metadata), list(read.notes)

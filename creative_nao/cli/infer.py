@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import tyro
 
+from creative_nao import exchange
 from creative_nao.cli.terminal import print_result
-from creative_nao.demonstrations import load_trajectory
 from creative_nao.errors import SettingsError
+from creative_nao.exchange import NOTHING_SAID, Reading
 from creative_nao.maps.figure_style import INK, action_colour, action_letter, write_figure
 from creative_nao.measures import score
 from creative_nao.model import load_memory
@@ -87,7 +88,7 @@ class InferSettings:
     """Find the PB value from which a memory generates a recorded movement, or the most similar one it has."""
 
     file: tyro.conf.Positional[Path]
-    """CSV file with the header time_s,RShoulderPitch,... in seconds and radians; any rate."""
+    """Recording in any known format, of any rate: CSV, a robot program, Choregraphe, ROS, Webots, JSON, NPZ."""
     memory: str = "half/0"
     """Shipped name, such as half/0, or a memory file."""
     out: Path | None = None
@@ -100,6 +101,8 @@ class InferSettings:
     """Seed of the search; one seed, one answer."""
     json: bool = False
     """Print the figures as JSON, the regenerated movement [rad] among them."""
+    reading: Annotated[Reading, tyro.conf.OmitArgPrefixes] = NOTHING_SAID
+    """What the recording does not say about itself."""
 
 
 def run(settings: InferSettings) -> int:
@@ -107,7 +110,8 @@ def run(settings: InferSettings) -> int:
     if settings.out is not None and settings.out.suffix not in PICTURES:
         raise SettingsError(f"--out should end in {', '.join(PICTURES)}, but is {settings.out}")
     memory = load_memory(settings.memory)
-    recorded = load_trajectory(settings.file, dt_s=memory.dt_s, joints=memory.joints)
+    read = exchange.read(settings.file, memory.dt_s, memory.joints, reading=settings.reading, beyond="refuse")
+    recorded = read.motion.angles
     found = memory.infer_pb(
         recorded, infer_initial_state=settings.initial_state, n_restarts=settings.n_restarts, seed=settings.seed
     )
@@ -115,6 +119,7 @@ def run(settings: InferSettings) -> int:
     names = memory.demonstrations.names
     figures: dict[str, Any] = {
         "file": str(settings.file),
+        "notes": list(read.notes),
         "memory": settings.memory,
         "pb": found.pb.tolist(),
         "error": found.error,
@@ -129,7 +134,7 @@ def run(settings: InferSettings) -> int:
     }
     if settings.out is not None:
         _draw_recognition(memory, recorded, found, settings.out, _title(figures))
-    lines = [_title(figures)]
+    lines = [_title(figures), *([f"  {'; '.join(read.notes)}"] if read.notes else [])]
     for what in ("recorded", "regenerated"):
         row = figures[what]
         lines.append(f"  {what:<12} nearest to {row['nearest']}, DTW {row['distance']:.2f}, {row['outcome']}")

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
 
 from creative_nao import exchange
 from creative_nao.cli.terminal import print_result
-from creative_nao.demonstrations import Demonstrations, load_demonstrations, load_trajectory
+from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import SettingsError
+from creative_nao.exchange import NOTHING_SAID, Reading
 from creative_nao.measures import Scores, dtw_similarity, mean_pairwise_distance, score, vendi_score, warping_diversity
 
 
@@ -21,12 +22,13 @@ class ScoreSettings:
     """Score movements of any source against the basic actions: each by itself, and several as a set."""
 
     files: tyro.conf.Positional[tuple[Path, ...]]
-    """Recordings in any format that `creative-nao export` writes; CSV: header time_s,RShoulderPitch,... in seconds
-    and radians; any rate."""
+    """Recordings in any known format, of any rate: CSV, robot programs, Choregraphe, ROS, Webots, JSON, NPZ."""
     demonstrations: Path | None = None
-    """Folder of CSV recordings to compare with; default: the six shipped boxing actions."""
+    """Folder of recordings to compare with; default: the six shipped boxing actions."""
     json: bool = False
     """Print the scores as JSON: `files`, a row each, and `set`, null for fewer than two appropriate movements."""
+    reading: Annotated[Reading, tyro.conf.OmitArgPrefixes] = NOTHING_SAID
+    """What the recordings do not say about themselves."""
 
 
 def run(settings: ScoreSettings) -> int:
@@ -34,17 +36,30 @@ def run(settings: ScoreSettings) -> int:
     if not settings.files:
         raise SettingsError("score: name at least one file")
     basic = load_demonstrations(settings.demonstrations)
-    trajectories = [_read(path, basic) for path in settings.files]
+    read = [
+        (f"{path}, {one.place}" if len(found) > 1 else str(path), one)
+        for path in settings.files
+        for found in [exchange.read_all(path, basic.dt_s, basic.joints, reading=settings.reading, beyond="refuse")]
+        for one in found
+    ]
+    trajectories = [one.motion.angles for _, one in read]
     scores = score(trajectories, basic)
     rows = [
-        {"file": str(path), "outcome": str(outcome), "distance": float(distance), "nearest": basic.names[int(nearest)]}
-        for path, outcome, distance, nearest in zip(
-            settings.files, scores.outcome, scores.novelty, scores.nearest, strict=True
+        {
+            "file": name,
+            "outcome": str(outcome),
+            "distance": float(distance),
+            "nearest": basic.names[int(nearest)],
+            "notes": list(one.notes),
+        }
+        for (name, one), outcome, distance, nearest in zip(
+            read, scores.outcome, scores.novelty, scores.nearest, strict=True
         )
     ]
     found = _set(trajectories, scores)
     lines = [
         f"{row['file']}: {row['outcome'].replace('_', '-')}, DTW {row['distance']:.2f} from {row['nearest']}"
+        + "".join(f"\n  {'; '.join(row['notes'])}" for _ in row["notes"][:1])
         for row in rows
     ]
     if found is not None:
@@ -55,13 +70,6 @@ def run(settings: ScoreSettings) -> int:
         )
     print_result({"files": rows, "set": found}, lines, as_json=settings.json)
     return 0
-
-
-def _read(path: Path, basic: Demonstrations) -> np.ndarray:
-    """Return a recording at the tick of the basic actions; a CSV file has to be in radians, as everywhere."""
-    if path.suffix.lower() == ".csv":
-        return load_trajectory(path, dt_s=basic.dt_s, joints=basic.joints)
-    return exchange.read(path, basic.dt_s, basic.joints).motion.angles
 
 
 def _set(trajectories: list[np.ndarray], scores: Scores) -> dict[str, Any] | None:

@@ -5,14 +5,18 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+import tyro
 
 from creative_nao import storage
 from creative_nao.cli.terminal import Display, changed_flags, print_result, refuse_leftovers, stopped_by_signals
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.errors import SettingsError, TrainingError
+from creative_nao.exchange import NOTHING_SAID, Reading
 from creative_nao.model import (
     CONDITIONS,
     NetworkSettings,
@@ -41,7 +45,7 @@ class TrainSettings:
     """Memory file to write, usually ending in .safetensors; with several networks, a folder for files such as
     half-0.safetensors and training.json."""
     demonstrations: Path | None = None
-    """Folder of CSV recordings, one basic action each; default: the six shipped boxing actions."""
+    """Folder of recordings in any known format, one basic action each; default: the six shipped boxing actions."""
     condition: tuple[Literal["open", "half", "closed", "auto"], ...] = ()
     """Instead of --closed-loop-ratio: `open`, `half` or `closed`, the paper's ratios; or `auto`, for recordings of any
     length, which trains again from other weights until every action comes back. Several: a network each."""
@@ -70,6 +74,8 @@ class TrainSettings:
     """Print the figures as JSON."""
     network: NetworkSettings = dataclasses.field(default_factory=NetworkSettings)
     """Sizes and initial values of the network; the defaults are the paper's."""
+    reading: Annotated[Reading, tyro.conf.OmitArgPrefixes] = NOTHING_SAID
+    """What the recordings do not say about themselves."""
 
 
 def run(settings: TrainSettings) -> int:
@@ -82,7 +88,9 @@ def run(settings: TrainSettings) -> int:
     if not many and settings.out.is_dir():
         raise SettingsError(f"--out should name a file, but {settings.out} is a folder")
     refuse_leftovers([] if settings.resume else map(checkpoint_of, paths.values()))
-    demonstrations = load_demonstrations(settings.demonstrations)
+    demonstrations = load_demonstrations(settings.demonstrations, reading=settings.reading)
+    for name, notes in demonstrations.record["notes"].items():
+        sys.stderr.write(f"creative-nao: {name}: {'; '.join(notes)}\n")
     with Display({_label(one): one.n_epochs for one in wanted}) as display:
 
         def show(training: TrainingSettings, state: TrainingState) -> None:
@@ -161,7 +169,7 @@ def _command(settings: TrainSettings) -> str:
         words.append(f"--schedule {settings.schedule}")
     words += [f"--n-epochs {settings.n_epochs}", "--seed " + " ".join(map(str, settings.seed))]
     words += changed_flags(settings, ("anneal_epochs", "learning_rate", "engine"))
-    words += changed_flags(settings.network, group="network.")
+    words += changed_flags(settings.network, group="network.") + changed_flags(settings.reading)
     return " ".join([*words, f"--out {settings.out.name}"])
 
 

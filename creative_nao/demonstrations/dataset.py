@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-import io
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
-from creative_nao.demonstrations.keyframes import DT_S
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name
-from creative_nao.joints import JOINTS, LIMITS_RAD, joint_angles
-from creative_nao.schema import JsonObject, Names, checked, must
-
-LIMIT_TOLERANCE_RAD = 0.02
-"""How far a recorded angle may lie beyond a joint's range [rad]: gears give, encoders are offset."""
+from creative_nao.exchange.motion import DT_S, Tick, draw_curves, outside_range
+from creative_nao.joints import JOINTS, joint_angles
+from creative_nao.schema import JsonObject, Names, checked
 
 DT_RANGE_S = (1e-6, 1e4)  # shortest and longest tick [s]
 
-UNKNOWN_RANGE_RAD = (-1e4, 1e4)  # where an angle of a joint that the robot does not have may lie [rad]
-DEGREES_FROM_RAD = 2.0 * np.pi  # a joint angle of more than a full turn is taken for degrees
-_MAX_PANELS = 12
 _MAX_NAMES = 8
-
-
-Tick = Annotated[float, must(lambda seconds: seconds > 0, "a positive number of seconds")]
-"""Time from one posture to the next [s]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -124,46 +111,3 @@ class Demonstrations:
                 f"no basic action `{name}`{nearest_name(str(name), self.names)}; there are {self.names}."
             )
         return self.trajectories[self.names.index(name)]
-
-
-def outside_range(angles: np.ndarray, joints: tuple[str, ...]) -> tuple[int, int, str] | None:
-    """Return where an angle first leaves its joint's range by more than the tolerance, and how to say so.
-
-    The ranges of joints that the robot does not have are unknown here; `UNKNOWN_RANGE_RAD` bounds them all. The angles
-    [rad] have the shape (n_steps, n_joints). Returned are row, column and the clause "is 92.0, looks like degrees,
-    expected radians ...", or None if all is well.
-    """
-    ranges = np.array([LIMITS_RAD.get(joint, UNKNOWN_RANGE_RAD) for joint in joints])
-    low, high = ranges[:, 0] - LIMIT_TOLERANCE_RAD, ranges[:, 1] + LIMIT_TOLERANCE_RAD
-    bad = np.argwhere((angles < low) | (angles > high))
-    if not len(bad):
-        return None
-    known = np.array([joint in LIMITS_RAD for joint in joints])
-    turned = np.argwhere((np.abs(angles) > DEGREES_FROM_RAD) & known)
-    row, column = turned[0] if len(turned) else bad[0]
-    value, (lowest, highest) = angles[row, column], ranges[column].tolist()
-    guess = "looks like degrees, expected radians" if len(turned) else "outside the joint's range"
-    return int(row), int(column), f"is {value:.6g}, {guess} between {lowest} and {highest}"
-
-
-def draw_curves(trajectories: Mapping[str, np.ndarray], dt_s: float, joints: tuple[str, ...]) -> bytes:
-    """Return a PNG of joint angles by name [rad], (n_steps, n_joints), over time; a panel for each of the first."""
-    from matplotlib.figure import Figure
-
-    chosen = dict(list(trajectories.items())[:_MAX_PANELS])
-    n_columns = min(3, len(chosen))
-    n_rows = math.ceil(len(chosen) / n_columns)
-    figure = Figure(figsize=(3.4 * n_columns + 1.6, 1.9 * n_rows + 0.4), layout="constrained")
-    panels = figure.subplots(n_rows, n_columns, squeeze=False, sharex=True, sharey=True).ravel()
-    lines = []
-    for panel, (name, angles) in zip(panels, chosen.items(), strict=False):
-        lines = panel.plot(np.arange(len(angles)) * dt_s, angles, linewidth=1.0)
-        panel.set_title(name, fontsize=9)
-    for panel in panels[len(chosen) :]:
-        panel.set_visible(False)
-    figure.supxlabel("time [s]", fontsize=9)
-    figure.supylabel("angle [rad]", fontsize=9)
-    figure.legend(lines, joints, loc="outside right upper", fontsize=7)
-    content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=90)
-    return content.getvalue()

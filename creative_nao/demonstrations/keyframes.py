@@ -17,10 +17,10 @@ from typing import Annotated
 import numpy as np
 
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.exchange.motion import DT_S
 from creative_nao.joints import GUARD_ARM_RAD, JOINTS, MIRROR_SIGN, limits
 from creative_nao.schema import Field, checked, record
 
-DT_S = 0.15  # time between two postures of a basic action, the network's tick [s]
 N_STEPS = 50  # postures in a basic action: 7.5 s
 N_REPEATS = 3  # how often a basic action throws its punch
 

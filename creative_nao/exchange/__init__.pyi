@@ -1,14 +1,21 @@
 from .formats import (
     FORMATS,
+    WRITABLE,
     Exported,
     format_for,
     read,
+    read_all,
+    read_content,
     recognise,
     write,
 )
 from .keys import (
-    Motion,
+    NOTHING_SAID,
+    Reading,
     Recording,
+)
+from .motion import (
+    Motion,
 )
 from .safety import (
     UNSAFE,
@@ -21,10 +28,13 @@ from .safety import (
 
 __all__ = [
     "FORMATS",
+    "NOTHING_SAID",
     "UNSAFE",
+    "WRITABLE",
     "Exported",
     "Finding",
     "Motion",
+    "Reading",
     "Recording",
     "Unsafe",
     "UnsafeMotionError",
@@ -32,6 +42,8 @@ __all__ = [
     "inspect",
     "made_safe",
     "read",
+    "read_all",
+    "read_content",
     "recognise",
     "write",
 ]

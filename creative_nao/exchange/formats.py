@@ -1,7 +1,6 @@
-"""Write a movement in any format, read one from any file; the tables CSV and NPZ.
+"""Write a movement in any format, read one from any file, for every command alike; the arrays of NPZ.
 
-CSV is read less strictly here than where a network learns from it: degrees are recognised, and angles beyond a range
-are left to the check before an export. Every bit of every angle comes back.
+Every bit of every angle comes back.
 """
 
 from __future__ import annotations
@@ -11,50 +10,19 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from creative_nao import storage
 from creative_nao.arrays import only_arrays, unpack_npz
-from creative_nao.demonstrations import files
-from creative_nao.demonstrations.files import MAX_FILE_BYTES
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
-from creative_nao.exchange import choregraphe, simulators
-from creative_nao.exchange.keys import Keys, Motion, Recording, text_of, to_motion
+from creative_nao.exchange import choregraphe, robot_program, simulators, skeleton, table
+from creative_nao.exchange.keys import MAX_MOVEMENTS, NOTHING_SAID, Keys, Reading, Recording, to_motion
+from creative_nao.exchange.motion import Motion
 from creative_nao.exchange.safety import Unsafe, made_safe
 from creative_nao.joints import JOINTS
 from creative_nao.schema import JsonObject, checked, checked_path, parse
-
-
-def write_csv(motion: Motion, path: Path) -> list[str]:
-    """Write `time_s` and one column for each joint."""
-    files.save_trajectory(path, motion.angles, motion.dt_s, motion.joints)
-    return []
-
-
-def read_csv(path: Path, content: bytes) -> Keys:
-    """Read a CSV file with a column `time_s` in seconds; errors name line and column."""
-    header, rows = files.read_table(path, text_of(path, content))
-    time = files.TIME_COLUMN
-    if header.count(time) != 1 or len(header) < 2:
-        raise FileFormatError(
-            f"{path}: the first line should be `{time}` and joint names, but is {', '.join(header)[:200]}."
-        )
-    columns: list[list[float]] = [[] for _ in header]
-    for line, row in rows:
-        for cell, name, column in zip(row, header, columns, strict=True):
-            try:
-                column.append(files.cell_number(cell))
-            except ValueError:
-                if "," in cell:
-                    told = f"`{name}` is `{cell[:40]}`; a decimal comma?"
-                    raise FileFormatError(f"{path}: line {line}: {told}") from None
-                column.append(float("nan"))  # a column that nobody wants may hold text
-    times = np.array(columns.pop(header.index(time)))
-    joints = tuple(name for name in header if name != time)
-    if np.isnan(times).any():
-        raise FileFormatError(f"{path}: `{time}` holds something that is not a number.")
-    return Keys(joints, [times] * len(joints), [np.array(column) for column in columns])
 
 
 def write_npz(motion: Motion, path: Path) -> list[str]:
@@ -70,7 +38,7 @@ def write_npz(motion: Motion, path: Path) -> list[str]:
     return []
 
 
-def read_npz(path: Path, content: bytes) -> Keys:
+def read_npz(path: Path, content: bytes, reading: Reading = NOTHING_SAID) -> list[Keys]:
     """Read what `write_npz` writes; `times_s`, shape (n_steps,), may stand in the place of `dt_s`. No pickles."""
     arrays = unpack_npz(path, "movement", content, MAX_FILE_BYTES)
     only_arrays(path, arrays, ("angles", "joints", "dt_s", "times_s", "metadata"))
@@ -91,7 +59,8 @@ def read_npz(path: Path, content: bytes) -> Keys:
         raise FileFormatError(f"{path}: `metadata` should be JSON text, but is {metadata.dtype}.")
     metadata = parse(JsonObject, str(metadata), str(path))
     columns = [column.astype(np.float64) for column in angles.T]
-    return Keys(tuple(str(name) for name in joints), [times] * len(columns), columns, "radians", metadata=metadata)
+    names = tuple(str(name) for name in joints)
+    return [Keys(names, [times] * len(columns), columns, "radians", metadata=metadata)]
 
 
 def _times(path: Path, arrays: dict[str, np.ndarray], n_steps: int) -> np.ndarray:
@@ -115,8 +84,9 @@ class Format:
     """One format in both directions."""
 
     endings: tuple[str, ...]
-    write: Callable[[Motion, Path], list[str]]
-    read: Callable[[Path, bytes], Keys]
+    write: Callable[[Motion, Path], list[str]] | None
+    read: Callable[..., list[Keys]]
+    """From path, content and `Reading` to the movements of a file."""
     purpose: str
     holds_metadata: bool
     for_robots: bool
@@ -124,16 +94,22 @@ class Format:
 
 
 FORMATS: dict[str, Format] = {
-    "csv": Format((".csv",), write_csv, read_csv, "table, for `train` and `score`", False, False),
+    "csv": Format((".csv",), table.write_csv, table.read_csv, "table, for `train` and `score`", False, False),
     "npz": Format((".npz",), write_npz, read_npz, "NumPy arrays, no pickle", True, False),
-    "naoqi": Format((".py",), choregraphe.write_script, choregraphe.read_python, "program for the robot", True, True),
+    "naoqi": Format((".py",), choregraphe.write_script, robot_program.read_python, "program for the robot", True, True),
     "json": Format((".json",), choregraphe.write_json, choregraphe.read_json, "the lists NAOqi takes", True, True),
     "ros": Format(
         (".yaml", ".yml", ".json"), simulators.write_ros, simulators.read_ros, "JointTrajectory", False, True
     ),
     "webots": Format((".motion",), simulators.write_motion, simulators.read_motion, "Webots motion", False, True),
+    "bvh": Format((".bvh",), skeleton.write_bvh, skeleton.refuse_bvh, "skeleton, for Blender", False, False),
+    "choregraphe": Format(
+        (".xar", ".xap", ".qianim", ".anim"), None, choregraphe.read_timeline, "timeline or postures", False, True
+    ),
 }
-"""Every format by name."""
+"""Every format by name; `write` is None where a format is only read."""
+WRITABLE = tuple(name for name, one in FORMATS.items() if one.write is not None)
+MAX_FILE_BYTES = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -155,10 +131,10 @@ class Exported:
 def format_for(path: str | os.PathLike[str]) -> str:
     """Return the format that a file to be written has by its ending; SettingsError if none has this ending."""
     ending = checked_path(path).suffix.lower()
-    for name, one in FORMATS.items():
-        if ending in one.endings:
+    for name in WRITABLE:
+        if ending in FORMATS[name].endings:
             return name
-    known = ", ".join(f"{'/'.join(one.endings)} ({name})" for name, one in FORMATS.items())
+    known = ", ".join(f"{'/'.join(FORMATS[name].endings)} ({name})" for name in WRITABLE)
     raise SettingsError(f"no format for {str(path)!r}; known endings are {known}.")
 
 
@@ -182,6 +158,8 @@ def write(
     checked(Motion, motion, "motion")
     name = format_for(path) if format is None else _known(format)
     one = FORMATS[name]
+    if one.write is None:
+        raise SettingsError(f"{name} is read, not written; there are {', '.join(WRITABLE)}.")
     if path.suffix.lower() not in one.endings:
         raise SettingsError(f"a file of the format {name} should end in {' or '.join(one.endings)}, but is {path}.")
     if unsafe == "keep" and one.for_robots:
@@ -202,16 +180,20 @@ def recognise(path: str | os.PathLike[str], content: bytes) -> str:
         return "npz"
     if start.startswith(simulators.MARK.encode()):
         return "webots"
+    if start.startswith(b"HIERARCHY"):
+        return "bvh"
+    if start.startswith(b"<"):
+        return "choregraphe"
     if start.startswith(b"{"):
         return "ros" if b'"joint_names"' in content and b'"points"' in content else "json"
     ending = Path(path).suffix.lower()
     if ending not in (".json", ".npz") and any(ending in one.endings for one in FORMATS.values()):
-        return format_for(path)
+        return next(name for name, one in FORMATS.items() if ending in one.endings)
     if b"time_s" in start.split(b"\n", 1)[0]:
         return "csv"
-    if b"joint_names:" in start:
+    if b"joint_names:" in start or (b"position:" in start and b"name:" in start):
         return "ros"
-    if b".append(" in content or b"names =" in content:
+    if b".append(" in content or b"names =" in content or b"angleInterpolation" in content:
         return "naoqi"
     return format_for(path)
 
@@ -221,29 +203,82 @@ def read(
     dt_s: float | None = None,
     joints: tuple[str, ...] | None = JOINTS,
     format: str | None = None,
+    *,
+    reading: Reading | None = None,
+    beyond: Literal["refuse", "keep"] = "keep",
 ) -> Recording:
-    """Read a movement from a file of any format; its format is recognised by ending and content.
+    """Read the one movement of a file of any format; its format is recognised by ending and content.
 
     Args:
         path: The file.
         dt_s: Wanted tick [s]; None: the file's own if its postures are evenly spaced, else 0.15 s.
         joints: Wanted joints, in this order, whatever the file's; None: all.
         format: One of `FORMATS`; None: recognised.
+        reading: What the file does not say about itself, such as the posture that fills a recording of one arm.
+        beyond: Whether angles more than 0.02 rad beyond a joint's range are refused or kept.
 
     Returns:
-        The movement in radians, the format, and notes on what was recognised, left out or changed.
+        The movement in radians, the format, and notes on what was recognised, filled, left out or changed.
 
     Raises:
         NotFoundError: If there is no such file or format.
-        FileFormatError: If the file does not hold a movement; the message names the file, the part and the reason.
+        FileFormatError: If the file does not hold a movement, or holds several and `reading` does not say which; the
+            message names the file, the part and the reason.
     """
+    found = read_all(path, dt_s, joints, format, reading=reading, beyond=beyond)
+    if len(found) > 1:
+        places = ", ".join(f"{place} ({one.place})" for place, one in enumerate(found[:8], start=1))
+        raise FileFormatError(
+            f"{path}: holds {len(found)} movements: {places}; say which one with --movement 1 to {len(found)}."
+        )
+    return found[0]
+
+
+def read_all(
+    path: str | os.PathLike[str],
+    dt_s: float | None = None,
+    joints: tuple[str, ...] | None = JOINTS,
+    format: str | None = None,
+    *,
+    reading: Reading | None = None,
+    beyond: Literal["refuse", "keep"] = "keep",
+) -> list[Recording]:
+    """Read every movement of a file; arguments and errors as of `read`."""
     path = checked_path(path)
+    if path.is_dir():
+        raise NotFoundError(f"no movement at {path}: it is a folder.")
     content = storage.read_bytes(path, "movement", MAX_FILE_BYTES)
+    return read_content(path, content, dt_s, joints, format, reading=reading, beyond=beyond)
+
+
+def read_content(
+    path: Path,
+    content: bytes,
+    dt_s: float | None = None,
+    joints: tuple[str, ...] | None = JOINTS,
+    format: str | None = None,
+    *,
+    reading: Reading | None = None,
+    beyond: Literal["refuse", "keep"] = "keep",
+) -> list[Recording]:
+    """Read every movement of a file's content, without touching the file; `path` is for its ending and for messages."""
+    reading = checked(Reading, reading or Reading(), "reading")
     if not content.strip():
         raise FileFormatError(f"{path}: is empty, expected a movement.")
     name = recognise(path, content) if format is None else _known(format)
-    motion, notes = to_motion(FORMATS[name].read(path, content), path, dt_s, joints)
-    return Recording(motion, name, notes)
+    found = FORMATS[name].read(path, content, reading)
+    if len(found) > MAX_MOVEMENTS:
+        raise FileFormatError(f"{path}: holds {len(found)} movements, expected at most {MAX_MOVEMENTS}.")
+    if reading.movement is not None:
+        if reading.movement > len(found):
+            raise FileFormatError(f"{path}: has no movement {reading.movement}, but {len(found)} of them.")
+        found = [found[reading.movement - 1]]
+    recordings = []
+    for keys in found:
+        called = path if len(found) == 1 else Path(f"{path}, {keys.place}")
+        motion, notes = to_motion(keys, called, dt_s, joints, reading, beyond=beyond)
+        recordings.append(Recording(motion, name, notes, keys.place))
+    return recordings
 
 
 def _known(name: str) -> str:

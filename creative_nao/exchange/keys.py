@@ -1,102 +1,86 @@
-"""A movement on its way to or from a file: `Motion`, and the keys that every importer gives.
+"""From the keys of a file to a movement: one set of checks for every format, and one wording.
 
-Joint names may come in any order; the unit of the angles is recognised; everything that was recognised, left out or
-changed on the way is said in notes.
+Joint names may come in any order; units are recognised where that is certain; what was recognised, converted, filled,
+left out or changed on the way is said in notes.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 
 from creative_nao import storage
-from creative_nao.demonstrations.dataset import DEGREES_FROM_RAD, LIMIT_TOLERANCE_RAD, Tick, draw_curves
-from creative_nao.demonstrations.files import LARGEST_TIME_S, SHORTEST_STEP_S, check_duration, monotone_cubic, resample
-from creative_nao.demonstrations.keyframes import DT_S
-from creative_nao.errors import FileFormatError, SettingsError, nearest_name
-from creative_nao.joints import JOINTS, LIMITS_RAD, joint_angles
-from creative_nao.schema import Field, JsonObject, Names, checked
+from creative_nao.errors import FileFormatError, nearest_name
+from creative_nao.exchange.motion import (
+    DEGREES_FROM_RAD,
+    DT_S,
+    LIMIT_TOLERANCE_RAD,
+    Motion,
+    Tick,
+    check_duration,
+    monotone_cubic,
+    outside_range,
+    resample,
+)
+from creative_nao.joints import JOINTS, LIMITS_RAD, limits
+from creative_nao.robot.postures import arm_angles
+from creative_nao.schema import Count, Field, Names, Positive, checked, record
 
-CYCLE_S = 0.010  # cycle of the robot's device controller [s]; ticks made here are whole numbers of it
-APPROACH_SPEED_RAD_S = 1.5
-"""Largest speed on the way to the first posture: less than a quarter of what the slowest joint can do."""
-
-MIN_LEAD_S = 1.0  # shortest time for that way [s]
 MAX_POSTURES = 20_000  # longest movement that is read, in postures
 LARGEST_ANGLE = 1e6  # largest angle that is read, in radians or degrees
+LARGEST_TIME_S = 1e12  # clocks that count from 1970 stand at 2e9
+SHORTEST_STEP_S = 1e-6
+MAX_MOVEMENTS = 1_000
 
 JointNames = Annotated[tuple[str, ...], Field(min_length=1)]
 """Joints of a file, which may name one twice or call it something that is no name; those are not wanted."""
 
-_ROUNDING = 1e-9
+Fill = Literal["guard", "rest", "zero"]
+_FILLED_BY = {"guard": "Guard", "rest": "Stand", "zero": "StandZero"}
+TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _EVEN_S = 1e-6
+_LONG_S = 600.0  # movements last seconds; one of ten minutes, or with postures this far apart, is asked about
+_FAR_APART_S = ((3, 5.0), (20, 1.0))
+_MOST_LIKELY = 0.8  # names as alike as this are the same one, mistyped
+_MOST_IN_DEGREES = 0.5  # share of the postures of a recording in degrees that no joint could reach in radians
+
+_ARM = ("ShoulderPitch", "ShoulderRoll", "ElbowYaw", "ElbowRoll", "WristYaw", "Hand")
+_LEG = ("HipYawPitch", "HipRoll", "HipPitch", "KneePitch", "AnklePitch", "AnkleRoll")
+CHAINS = {
+    "Head": ("HeadYaw", "HeadPitch"),
+    **{f"{side}Arm": tuple(side + joint for joint in _ARM) for side in "LR"},
+    **{f"{side}Leg": tuple(side + joint for joint in _LEG) for side in "LR"},
+}
+"""NAOqi's names for several joints; an arm without wrist and hand has four."""
+CHAINS["Body"] = tuple(joint for chain in ("Head", "LArm", "LLeg", "RLeg", "RArm") for joint in CHAINS[chain])
+_NAO = set(CHAINS["Body"])
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Motion:
-    """A trajectory with its tick, checked once when it is made.
+@record
+class Reading:
+    """What a file does not say about itself; the command line has a flag for each."""
 
-    Attributes:
-        angles: Joint angles [rad], shape (n_steps, n_joints), float64, finite; at least one row.
-        dt_s: Time from one posture to the next [s].
-        joints: Name of each column.
-        metadata: Source, memory, PB value, command, versions, ...; plain JSON values.
+    fill: Fill | None = None
+    """Posture in which joints are held that a recording does not have: the boxing guard, standing at rest, or zero;
+    default: such a recording is refused."""
+    rate: Positive | None = None
+    """Postures a second, for a table or postures without times; default: the file's own times."""
+    time_column: str | None = None
+    """Column of a table that holds the time; default: `time_s`, or the one that is called time."""
+    time_unit: Literal["s", "ms", "us", "ns"] | None = None
+    """Unit of the times; default: what the file says, else seconds."""
+    unit: Literal["radians", "degrees"] | None = None
+    """Unit of the angles; default: what the file says, else recognised."""
+    movement: Count | None = None
+    """Which movement of a file that holds several, from 1; default: all, where a command takes several."""
 
-    Raises:
-        ShapeError: If `angles` is not such an array.
-        SettingsError: If `dt_s` is not positive, a name is not plain ASCII or repeats, or `metadata` is not JSON.
 
-    Example:
-        >>> Motion(np.zeros((3, 1)), 0.1, ("RElbowYaw",))
-        Motion of 1 joint: 3 postures at 0.1 s, 0.2 s long
-    """
-
-    angles: np.ndarray
-    dt_s: float
-    joints: tuple[str, ...] = JOINTS
-    metadata: dict[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Check everything, and keep an own copy in float64."""
-        for name, kind in {"joints": Names, "dt_s": Tick, "metadata": JsonObject}.items():
-            object.__setattr__(self, name, checked(kind, getattr(self, name), name))
-        for name in self.joints:
-            if not (name.isascii() and name.replace("_", "a").replace("/", "a").isalnum()):
-                raise SettingsError(f"`joints`: a name should be ASCII letters, digits, _ and /, but one is {name!r}.")
-        object.__setattr__(self, "angles", joint_angles(self.angles, "angles", self.joints))
-
-    def __repr__(self) -> str:
-        joints = f"{len(self.joints)} joint{'s' if len(self.joints) > 1 else ''}"
-        return f"Motion of {joints}: {len(self.angles)} postures at {self.dt_s:g} s, {self.duration_s:g} s long"
-
-    def _repr_png_(self) -> bytes:
-        """Return the curves of the joints, for Jupyter."""
-        return draw_curves({str(self.metadata.get("source", ""))[:60]: self.angles}, self.dt_s, self.joints)
-
-    @property
-    def duration_s(self) -> float:
-        """From the first posture to the last [s]."""
-        return (len(self.angles) - 1) * self.dt_s
-
-    def times_s(self, start_s: float = 0.0) -> list[float]:
-        """Return when each posture is reached if the first one is at `start_s` [s], to the nanosecond."""
-        return [round(start_s + step * self.dt_s, 9) for step in range(len(self.angles))]
-
-    def lead_s(self) -> float:
-        """Return how long the way to the first posture takes at a safe speed [s]: whole cycles, at least `MIN_LEAD_S`.
-
-        The robot must not jump there, and a file cannot know where the robot is: the farthest end of each range counts.
-        """
-        farthest = 0.0
-        for joint, angle in zip(self.joints, self.angles[0], strict=True):
-            low, high = LIMITS_RAD.get(joint, (angle, angle))
-            farthest = max(farthest, angle - low, high - angle)
-        seconds = max(MIN_LEAD_S, farthest / APPROACH_SPEED_RAD_S)
-        return round(math.ceil(seconds / CYCLE_S - _ROUNDING) * CYCLE_S, 9)
+NOTHING_SAID = Reading()
+"""Every file speaks for itself."""
 
 
 @dataclass
@@ -112,6 +96,18 @@ class Keys:
     """Times in the file are rounded to this [s]."""
     metadata: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    faults: dict[str, str] = field(default_factory=dict)
+    """What is wrong with a joint's column, told if the joint is wanted."""
+    lines: list[Sequence[int]] | None = None
+    """For each joint the line of each key, where the file has one a line."""
+    seconds_known: bool = False
+    """Whether the file itself says in which unit its times are."""
+    place: str = ""
+    """Where the movement stands in a file of several."""
+
+    def where(self, column: int, key: int) -> str:
+        """Return how to name a key: by its line, or its number from 1."""
+        return f"key {key + 1}" if self.lines is None else f"line {self.lines[column][key]}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +117,8 @@ class Recording:
     motion: Motion
     format: str
     notes: tuple[str, ...]
+    place: str = ""
+    """Where it stands in a file of several movements."""
 
 
 def text_of(path: Path, content: bytes) -> str:
@@ -128,36 +126,74 @@ def text_of(path: Path, content: bytes) -> str:
     return storage.as_text(content, str(path), "movement")
 
 
+def whole_chains(path: Path, names: Sequence[str], n_lists: int) -> tuple[str, ...]:
+    """Return joint names with NAOqi's chains, such as `LArm`, replaced by their joints, as many as there are lists."""
+    joints: list[str] = []
+    short = sum(name in ("LArm", "RArm", "Body") for name in names)
+    for name in names:
+        chain = CHAINS.get(name, (name,))
+        if short == 1 and name in ("LArm", "RArm") and n_lists == len(names) + 3:
+            chain = chain[:4]
+        elif short == 1 and name == "Body" and n_lists == len(names) + 24:
+            chain = tuple(joint for joint in chain if joint != "RHipYawPitch")
+        elif short == 2 and n_lists == len(names) + 6:
+            chain = chain[:4]
+        joints += chain
+    if len(joints) != n_lists and any(name in CHAINS for name in names):
+        told = " and ".join(name for name in names if name in CHAINS)
+        raise FileFormatError(f"{path}: {told} make {len(joints)} joints, but there are lists for {n_lists}.")
+    return tuple(joints)
+
+
 def to_motion(
-    keys: Keys, path: Path, dt_s: float | None, joints: tuple[str, ...] | None
+    keys: Keys,
+    path: Path,
+    dt_s: float | None,
+    joints: tuple[str, ...] | None,
+    reading: Reading | None = None,
+    *,
+    beyond: Literal["refuse", "keep"] = "keep",
 ) -> tuple[Motion, tuple[str, ...]]:
     """Turn keys into a movement of the wanted joints at one tick, and tell what was done; `path` is for messages.
 
-    `dt_s` [s] and `joints` are those of `formats.read`. FileFormatError tells of a wanted joint that is missing, times
-    that do not rise, and a movement that is too short or too long; SettingsError of a `dt_s` that is not positive.
+    `dt_s` [s], `joints` and `beyond` are those of `formats.read`. FileFormatError tells of a wanted joint that is
+    missing, angles that are none, times that do not rise, and a movement that is too short or too long.
     """
+    reading = reading or NOTHING_SAID
     dt_s = None if dt_s is None else checked(Tick, dt_s, "dt_s")
     notes = list(keys.notes)
     wanted = keys.joints if joints is None else checked(Names, joints, "joints")
-    for name in wanted:
-        if name not in keys.joints:
-            raise FileFormatError(
-                f"{path}: joint `{name}` is missing{nearest_name(name, keys.joints)}; "
-                f"the file has {', '.join(keys.joints)[:200]}."
-            )
+    present = tuple(name for name in wanted if name in keys.joints)
+    held = _to_hold(keys, path, wanted, present, reading.fill)
+    for name in present:
         if keys.joints.count(name) > 1:
             raise FileFormatError(f"{path}: joint `{name}` stands in the file more than once.")
-    columns = [keys.joints.index(name) for name in wanted]
-    ignored = [name for name in keys.joints if name not in wanted]
-    if ignored:
+        if name in keys.faults:
+            raise FileFormatError(f"{path}: {keys.faults[name]}.")
+    columns = [keys.joints.index(name) for name in present]
+    if ignored := [name for name in keys.joints if name not in wanted]:
         notes.append(f"left out, not among the wanted joints: {', '.join(ignored)[:300]}")
     times, angles = [keys.times[c] for c in columns], [keys.angles[c] for c in columns]
-    for name, when, where in zip(wanted, times, angles, strict=True):
-        _check(f"{path}: {name}", when, where)
-    angles = _in_radians(wanted, angles, keys.unit, notes)
+    if reading.time_unit is not None and not keys.seconds_known and reading.time_unit != "s":
+        times = [when * TIME_UNITS_S[reading.time_unit] for when in times]
+        notes.append(f"times read in {reading.time_unit}")
+    for column, when, where in zip(columns, times, angles, strict=True):
+        _check(keys, path, column, when, where)
+    if not keys.seconds_known and reading.time_unit is None:
+        _ask_about_seconds(path, times)
+    angles = _in_radians(path, keys, columns, angles, reading.unit or keys.unit, notes)
+    if beyond == "refuse":
+        for column, where in zip(columns, angles, strict=True):
+            if found := outside_range(where[:, None], (keys.joints[column],)):
+                place, joint = keys.where(column, found[0]), keys.joints[column]
+                raise FileFormatError(f"{path}: {place}: `{joint}` {found[2]}.")
     when, postures = _together(times, angles, notes)
     if len(when) < 2:
         raise FileFormatError(f"{path}: has a single posture, expected at least 2.")
+    if held:
+        known = dict(zip(present, postures.T, strict=True))
+        postures = np.stack([known.get(name, np.full(len(when), held.get(name))) for name in wanted], axis=1)
+        notes.append(f"held in the {reading.fill} posture: {', '.join(held)}")
     own = _own_tick(when, keys.time_step_s)
     if own is not None and (dt_s is None or abs(own - dt_s) <= _EVEN_S):
         return Motion(postures, own if dt_s is None else dt_s, wanted, keys.metadata), tuple(notes)
@@ -168,47 +204,120 @@ def to_motion(
     return Motion(resample(when, postures, tick), tick, wanted, keys.metadata), tuple(notes)
 
 
-def _check(joint: str, times: np.ndarray, angles: np.ndarray) -> None:
-    """Refuse keys of one joint that are no movement; `joint` begins the message."""
+def _to_hold(
+    keys: Keys, path: Path, wanted: tuple[str, ...], present: tuple[str, ...], fill: Fill | None
+) -> dict[str, float]:
+    """Return at which angle each joint is held that is wanted but not in the file; refuse what cannot be filled."""
+    missing = [name for name in wanted if name not in keys.joints]
+    if not missing:
+        return {}
+    strange = [name for name in keys.joints if name not in _NAO and name not in wanted]
+    told = ", ".join(f"`{name}`" for name in missing[:8])
+    whole = {"L": JOINTS[4:], "R": JOINTS[:4]}
+    for side, arm in whole.items():
+        if tuple(missing) == arm:
+            told += f" (the whole {'left' if side == 'L' else 'right'} arm)"
+    likely = next((hint for name in missing if (hint := nearest_name(name, strange))), "")
+    if all(f"{name}_x" in keys.joints for name in ("RShoulder", "RElbow")) or "RIGHT_SHOULDER_x" in keys.joints:
+        likely = "; these are places of a body: `creative-nao teach --from` turns them into angles"
+    typed = [name for name in missing if _mistyped(name, strange)]
+    fault = f"{path}: {told} {'is' if len(missing) == 1 else 'are'} missing{likely}"
+    if fill is None or not present or typed or any(name not in JOINTS for name in missing):
+        has = f"; the file has {', '.join(keys.joints)[:200]}"
+        may = present and not typed and all(name in JOINTS for name in missing)
+        hint = f"; {' or '.join(f'--fill {one}' for one in get_args(Fill))} holds what is missing" if may else ""
+        raise FileFormatError(f"{fault}{has}{hint}.")
+    angles = dict(zip(JOINTS, arm_angles(_FILLED_BY[fill]), strict=True))
+    if fill == "zero":
+        low, high = limits()
+        angles = dict(zip(JOINTS, np.clip(0.0, low, high), strict=True))
+    return {name: float(angles[name]) for name in missing}
+
+
+def _mistyped(name: str, strange: Sequence[str]) -> bool:
+    import difflib
+
+    return bool(difflib.get_close_matches(name, [s for s in strange if len(s) < 60], n=1, cutoff=_MOST_LIKELY))
+
+
+def _check(keys: Keys, path: Path, column: int, times: np.ndarray, angles: np.ndarray) -> None:
+    """Refuse keys of one joint that are no movement."""
+    joint = f"{path}: {keys.joints[column]}"
     if len(times) != len(angles) or not len(times):
         raise FileFormatError(f"{joint} has {len(times)} times and {len(angles)} angles, expected as many.")
     if len(times) > MAX_POSTURES:
         raise FileFormatError(f"{joint} has {len(times)} keys, expected at most {MAX_POSTURES}.")
-    if not (np.isfinite(times).all() and np.isfinite(angles).all()):
-        raise FileFormatError(f"{joint} has a time or an angle that is not a finite number.")
     for what, values, most in (("time", times, LARGEST_TIME_S), ("angle", angles, LARGEST_ANGLE)):
-        if np.abs(values).max() > most:
-            raise FileFormatError(f"{joint} has the {what} {values[np.abs(values).argmax()]:g}, beyond {most:g}.")
+        wild = np.flatnonzero(~(np.abs(values) <= most))
+        if len(wild) and not np.isfinite(values[wild[0]]):
+            place = keys.where(column, int(wild[0]))
+            raise FileFormatError(f"{joint}: {place}: has a time or an angle that is not a finite number.")
+        if len(wild):
+            place = keys.where(column, int(wild[0]))
+            raise FileFormatError(f"{joint}: {place}: has the {what} {values[wild[0]]:g}, beyond {most:g}.")
     steps = np.diff(times)
     late = np.flatnonzero(steps < SHORTEST_STEP_S)
     if len(late) and steps[late[0]] > 0:
-        raise FileFormatError(f"{joint} has keys {steps[late[0]]:g} s apart, expected {SHORTEST_STEP_S:g} or more.")
+        raise FileFormatError(
+            f"{joint}: {keys.where(column, int(late[0]) + 1)}: follows after {steps[late[0]]:g} s, expected "
+            f"{SHORTEST_STEP_S:g} or more."
+        )
     if len(late):
         k = int(late[0]) + 1
-        path, _, name = joint.rpartition(": ")
         raise FileFormatError(
-            f"{path}: times of {name} should rise, but {times[k]:g} s follows {times[k - 1]:g} s (key {k + 1})."
+            f"{path}: {keys.where(column, k)}: times of {keys.joints[column]} should rise, but {times[k]:.9g} s "
+            f"follows {times[k - 1]:.9g} s."
+        )
+
+
+def _ask_about_seconds(path: Path, times: list[np.ndarray]) -> None:
+    """Refuse times that are more likely milliseconds."""
+    when = max(times, key=len)
+    first, last = min(float(one[0]) for one in times), max(float(one[-1]) for one in times)
+    apart = float(np.median(np.diff(when))) if len(when) > 1 else 0.0
+    if last - first > _LONG_S or any(len(when) >= n and apart >= far for n, far in _FAR_APART_S):
+        raise FileFormatError(
+            f"{path}: lasts {last - first:g} s with {apart:g} s between postures: are the times in seconds, not "
+            "milliseconds? Say --time-unit ms, or s if they are."
         )
 
 
 def _in_radians(
-    joints: tuple[str, ...], angles: list[np.ndarray], unit: str | None, notes: list[str]
+    path: Path, keys: Keys, columns: list[int], angles: list[np.ndarray], unit: str | None, notes: list[str]
 ) -> list[np.ndarray]:
-    """Bring angles to radians; where the file does not say its unit, more than a full turn means degrees."""
+    """Bring angles to radians; where nothing says the unit, what no joint could reach in radians means degrees."""
     if unit is None:
-        fits = all(_within(joint, values) for joint, values in zip(joints, angles, strict=True))
+        joints = [keys.joints[column] for column in columns]
+        fits = [_within(joint, values) for joint, values in zip(joints, angles, strict=True)]
+        if all(one.all() for one in fits) or max(float(np.abs(v).max()) for v in angles) <= DEGREES_FROM_RAD:
+            return angles
+        n_all = sum(map(len, angles))
         largest = max(float(np.abs(values).max()) for values in angles)
-        unit = "degrees" if not fits and largest > DEGREES_FROM_RAD else "radians"
-        reason = "every angle fits the joint's range" if fits else f"the largest angle is {largest:.4g}"
-        notes.append(f"angles taken for {unit}: {reason}")
-    else:
-        notes.append(f"angles are in {unit}, as the file says")
+        share = sum(int((~one).sum()) for one in fits) / n_all
+        inside = sum(
+            int(_within(joint, np.deg2rad(values)).sum()) for joint, values in zip(joints, angles, strict=True)
+        )
+        if share < _MOST_IN_DEGREES / 2 or inside < _MOST_IN_DEGREES * n_all:
+            column, key = _farthest(columns, angles)
+            raise FileFormatError(
+                f"{path}: {keys.where(column, key)}: `{keys.joints[column]}` is {keys.angles[column][key]:.6g}, looks "
+                f"like degrees, but {1 - share:.0%} of the angles could be radians; say --unit radians or degrees."
+            )
+        notes.append(f"angles converted from degrees: the largest is {largest:.4g}")
+        unit = "degrees"
+    elif unit == "degrees":
+        notes.append("angles converted from degrees")
     return [np.deg2rad(values) for values in angles] if unit == "degrees" else angles
 
 
-def _within(joint: str, values: np.ndarray) -> bool:
+def _farthest(columns: list[int], angles: list[np.ndarray]) -> tuple[int, int]:
+    place = max(range(len(angles)), key=lambda k: float(np.abs(angles[k]).max()))
+    return columns[place], int(np.abs(angles[place]).argmax())
+
+
+def _within(joint: str, values: np.ndarray) -> np.ndarray:
     low, high = LIMITS_RAD.get(joint, (-DEGREES_FROM_RAD, DEGREES_FROM_RAD))
-    return bool((values >= low - LIMIT_TOLERANCE_RAD).all() and (values <= high + LIMIT_TOLERANCE_RAD).all())
+    return (values >= low - LIMIT_TOLERANCE_RAD) & (values <= high + LIMIT_TOLERANCE_RAD)
 
 
 def _together(times: list[np.ndarray], angles: list[np.ndarray], notes: list[str]) -> tuple[np.ndarray, np.ndarray]:

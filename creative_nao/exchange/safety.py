@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from creative_nao.errors import CreativeNaoError, SettingsError
-from creative_nao.exchange.keys import CYCLE_S, Motion
+from creative_nao.exchange.motion import CYCLE_S, Motion
 from creative_nao.joints import ENCODER_STEP_RAD, LIMITS_RAD, MAX_SPEED_RAD_S
 from creative_nao.schema import checked
 

@@ -8,7 +8,7 @@ import numpy as np
 from nicegui import events, run, ui
 
 from creative_nao.errors import CreativeNaoError
-from creative_nao.exchange import FORMATS
+from creative_nao.exchange import FORMATS, WRITABLE
 from creative_nao.explorer.colours import NAMES, is_physical
 from creative_nao.explorer.map_pane import KEYS_HELP
 from creative_nao.explorer.markup import thumbnail
@@ -226,8 +226,8 @@ def exchange(tab: Tab) -> None:
 
     with ui.row().classes("items-center gap-2 w-full"):
         with ui.dropdown_button("Export", auto_close=True).props("dense no-caps outline"):
-            for name, exchange_format in FORMATS.items():
-                ui.item(f"{name}: {exchange_format.purpose}", on_click=lambda _, name=name: download(name))
+            for name in WRITABLE:
+                ui.item(f"{name}: {FORMATS[name].purpose}", on_click=lambda _, name=name: download(name))
         upload = ui.upload(
             label="Drop a recording (CSV, ...)", auto_upload=True, on_upload=receive,
             max_file_size=MAX_UPLOAD_BYTES, max_files=1,

@@ -6,7 +6,6 @@ That process, `main(NAME, TICK)`, reads an upload from its standard input and an
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 import sys
 import tempfile
@@ -16,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError
-from creative_nao.exchange import FORMATS, Motion, Recording, recognise, write
-from creative_nao.exchange.keys import to_motion
+from creative_nao.exchange import FORMATS, Motion, Recording, read_content, write
 from creative_nao.joints import JOINTS
 from creative_nao.runtime import python_command
 
@@ -59,24 +57,16 @@ def _read(name: str, content: bytes, dt_s: float) -> dict[str, Any]:
     ending = PurePath(name).suffix.lower()
     known = any(ending in exchange_format.endings for exchange_format in FORMATS.values())
     source = Path(name if known else f"{name}.csv")
-    content, notes = _with_commas(content) if source.suffix == ".csv" else (content, ())
-    format_name = recognise(source, content)
-    motion, told = to_motion(FORMATS[format_name].read(source, content), source, dt_s, JOINTS)
-    if not 2 <= len(motion.angles) <= MAX_TICKS:
+    recordings = read_content(source, content, dt_s, JOINTS, beyond="refuse")
+    n_ticks = len(recordings[0].motion.angles)
+    if len(recordings) > 1:
+        raise FileFormatError(f"{source}: holds {len(recordings)} movements, expected one")
+    if not 2 <= n_ticks <= MAX_TICKS:
         raise FileFormatError(
-            f"{source}: a recording should have 2 to {MAX_TICKS} ticks of {dt_s} s, but has {len(motion.angles)}"
+            f"{source}: a recording should have 2 to {MAX_TICKS} ticks of {dt_s} s, but has {n_ticks}"
         )
-    return {"angles": motion.angles.tolist(), "format": format_name, "notes": [*notes, *told]}
-
-
-def _with_commas(content: bytes) -> tuple[bytes, tuple[str, ...]]:
-    """Return a table whose columns stand between semicolons, as spreadsheets write it, with commas; and say so."""
-    first = content.partition(b"\n")[0]
-    if b";" not in first or b"," in first:
-        return content, ()
-    return re.sub(rb"[,;]", lambda mark: b"." if mark[0] == b"," else b",", content), (
-        "columns stand between semicolons; a comma was read as the decimal point",
-    )
+    found = recordings[0]
+    return {"angles": found.motion.angles.tolist(), "format": found.format, "notes": list(found.notes)}
 
 
 def _limit() -> None:

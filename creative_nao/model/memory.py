@@ -17,14 +17,26 @@ from numpy.typing import ArrayLike
 
 from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.demonstrations.files import MAX_STEPS, checked_path
 from creative_nao.errors import CreativeNaoError, FileFormatError, NotFoundError, nearest_name
+from creative_nao.exchange.motion import MAX_STEPS
 from creative_nao.measures import score
 from creative_nao.model.config import NetworkSettings, TrainingSettings, check_kind, parameter_shapes
 from creative_nao.model.encoding import SoftmaxEncoding, encoding_of
 from creative_nao.model.generation import ClosedLoopGenerator, along, pb_of_each_tick, pb_points
 from creative_nao.model.recognition import N_SCREEN, Recognition, checked_trajectory, infer_pb
-from creative_nao.schema import Count, Index, JsonObject, Names, Seed, Version1, checked, dump, parse, record
+from creative_nao.schema import (
+    Count,
+    Index,
+    JsonObject,
+    Names,
+    Seed,
+    Version1,
+    checked,
+    checked_path,
+    dump,
+    parse,
+    record,
+)
 from creative_nao.storage import read_json
 
 KIND = "memory"

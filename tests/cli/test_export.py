@@ -74,7 +74,7 @@ def test_a_recording_in_degrees_is_recognised_and_said(tmp_path, demonstrations,
     path.write_text(json.dumps({"names": demonstrations.joints, "times": times, "angles": degrees.T.tolist()}))
 
     assert main(["export", "--from", str(path), "--out", str(tmp_path / "a.csv")]) == 0
-    assert "angles taken for degrees" in capsys.readouterr().out
+    assert "angles converted from degrees" in capsys.readouterr().out
     np.testing.assert_allclose(load_trajectory(tmp_path / "a.csv"), demonstrations.trajectories[0], atol=1e-12)
 
 
@@ -133,7 +133,7 @@ def test_a_mistake_gets_one_line_and_exit_code_2(words, message, capsys, tmp_pat
 
 
 def test_an_unknown_ending_lists_the_known_ones(capsys, tmp_path):
-    assert main(["export", "--action", "left_jab", "--out", str(tmp_path / "a.bvh")]) == 2
+    assert main(["export", "--action", "left_jab", "--out", str(tmp_path / "a.fbx")]) == 2
     assert "known endings are .csv (csv), .npz (npz), .py (naoqi)" in said(capsys)
 
 

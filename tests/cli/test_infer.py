@@ -76,7 +76,7 @@ def test_a_memory_of_other_joints_and_pb_units_can_be_drawn(waves, tmp_path, cap
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["nothing.csv"], "no trajectory at nothing.csv"),
+        (["nothing.csv"], "no movement at nothing.csv"),
         (["nothing.csv", "--memory", "hlf/0"], "no memory `hlf/0` (did you mean `half/0`?)"),
         (["nothing.csv", "--out", "x.doc"], "--out should end in .png, .svg, .pdf, but is x.doc"),
         ([], "see creative-nao infer --help"),

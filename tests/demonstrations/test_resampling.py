@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from creative_nao.demonstrations.files import monotone_cubic, n_ticks, resample
+from creative_nao.exchange.motion import monotone_cubic, n_ticks, resample
 
 
 def wave(frequency_hz, rate_hz, seconds=30.0):

@@ -66,11 +66,11 @@ CASES = {
     "true.json": (keys(angles=[[True, 1, 2]] * 8), "should be a number, but is True"),
     "short.json": (keys(angles=[[0.1, 0.1]] * 8), "has 3 times and 2 angles"),
     "count.json": (keys(angles=[[0.1] * 3] * 7), "8 names, 8 lists of times and 7 lists of angles"),
-    "fall.json": (keys(times=[1.0, 3.0, 2.0]), "times of RShoulderPitch should rise, but 2 s follows 3 s"),
+    "fall.json": (keys(times=[1.0, 3.0, 2.0]), "key 3: times of RShoulderPitch should rise, but 2 s follows 3 s"),
     "relative.json": (keys(isAbsolute=False), "angles are relative"),
     "unit.json": (keys(unit="gon"), "`unit` is 'gon', expected radians or degrees"),
     "none.json": (keys(times=None), "should hold `names`, `times` and `angles`, but holds names, angles"),
-    "twice.json": (keys(names=[JOINTS[0], *JOINTS[:7]]), "`RShoulderPitch` stands in the file more than once"),
+    "twice.json": (keys(names=[JOINTS[0], *JOINTS[:7]]), "more than once|`LElbowRoll` is missing"),
     "mapping.json": (keys(names={"a": 1}), "`names` should be a list, but is {'a': 1}"),
     "milliseconds.json": (keys(times=[0, 5000, 91234]), "are the times in seconds, not milliseconds"),
     "single.json": (keys(times=[1.0], angles=[[0.1]] * 8), "has a single posture"),
@@ -92,7 +92,7 @@ CASES = {
     "code.py": ("names = __import__('os').listdir()", "line 1: `names` should hold plain numbers and texts"),
     "call.py": ("names = ['a']\ntimes = [[1, 2]]\nkeys = [[f(1), 2]]", "line 3: `keys` should hold plain"),
     "deep.py": ("names = " + "[" * 5000 + "]" * 5000, "is not Python text|nested too deeply"),
-    "minus.py": ("names = ['a']\ntimes = [" + "-" * 50_000 + "1]", "nested too deeply|is not Python text"),
+    "minus.py": ("names = ['a']\ntimes = [" + "-" * 50_000 + "1]", "line 2: `times` should hold plain numbers"),
     "two.py": ("names = ['a']\nnames = ['b']", "line 2: `names` begins anew"),
     "none.py": ("x = 1", "no list of names and times and keys"),
     "null.py": ("names = ['a']\0", "is not Python text"),
@@ -101,11 +101,11 @@ CASES = {
     "time.motion": ("#WEBOTS_MOTION,V1.0,RElbowYaw\n1.5,A,0.1\n", "line 2: time is '1.5'"),
     "angle.motion": ("#WEBOTS_MOTION,V1.0,RElbowYaw\n00:00:000,A,x\n", "line 2: RElbowYaw is 'x'"),
     "nan.motion": ("#WEBOTS_MOTION,V1.0,RElbowYaw\n00:00:000,A,nan\n00:01:000,A,1\n", "not a finite number"),
-    "header.csv": ("RElbowYaw\n1\n", "first line should be `time_s` and joint names"),
+    "header.csv": ("RElbowYaw\n1\n2\n", "no column `time_s` for the time; .* RElbowYaw; say which one"),
     "wide.csv": ("time_s,RElbowYaw\n0,1,2\n", "line 2: has 3 columns, expected 2"),
-    "comma.csv": ('time_s,RElbowYaw\n0,"0,5"\n', "a decimal comma"),
-    "time.csv": ("time_s,RElbowYaw\nx,1\n1,2\n", "`time_s` holds something that is not a number"),
-    "angle.csv": ("time_s,RElbowYaw\n0,x\n1,2\n", "RElbowYaw has a time or an angle that is not a finite number"),
+    "comma.csv": ('time_s,RElbowYaw\n0,"0,5"\n1,"0,6"\n', "line 2: `RElbowYaw` is `0,5`, expected a number; a dec"),
+    "time.csv": ("time_s,RElbowYaw\nx,1\n1,2\n", "line 2: `time_s` is `x`, expected a number"),
+    "angle.csv": ("time_s,RElbowYaw\n0,x\n1,2\n", "line 2: `RElbowYaw` is `x`, expected a number"),
     "text.npz": ("PK\x03\x04 nothing", "no readable NPZ file"),
 }  # fmt: skip
 
@@ -175,7 +175,7 @@ def test_an_archive_that_lies_about_its_size_is_refused(tmp_path):
         exchange.read(path, joints=("RElbowYaw",))
 
 
-@pytest.mark.parametrize(("name", "size"), [("a.csv", 20_000_001), ("a.py", 2_000_001)])
+@pytest.mark.parametrize(("name", "size"), [("a.csv", 20_000_001), ("a.py", 1_000_001)])
 def test_a_huge_file_is_refused_before_it_is_parsed(name, size, tmp_path):
     path = tmp_path / name
     with open(path, "wb") as stream:

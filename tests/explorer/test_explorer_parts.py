@@ -9,7 +9,7 @@ import pytest
 from creative_nao import maps
 from creative_nao.cli.explore import choices
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError
-from creative_nao.exchange import FORMATS
+from creative_nao.exchange import WRITABLE
 from creative_nao.explorer import MemoryService, cached_map
 from creative_nao.explorer.markup import curves_svg, marks_svg
 from creative_nao.explorer.memory_service import as_coordinate, describe, less_like, more_like, surprise
@@ -97,7 +97,7 @@ def test_a_surprise_is_new_and_appropriate(pb_map):
     assert again[0] == again[1]
 
 
-@pytest.mark.parametrize("format_name", FORMATS)
+@pytest.mark.parametrize("format_name", [name for name in WRITABLE if name != "bvh"])
 def test_every_format_goes_out_and_comes_back(service, format_name):
     recall = service.recall(service.memory.pb[:1])
     name, content, _ = export(recall, service, format_name)

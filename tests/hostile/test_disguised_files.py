@@ -195,7 +195,7 @@ def test_deep_toml_and_yaml_are_named(victims, tmp_path):
 @pytest.mark.parametrize(
     ("text", "match"),
     [
-        ("time_s;RElbowYaw\n0,0;0,1\n0,1;0,2\n", "semicolons between the columns"),
+        ("time_s;RElbowYaw\n0,0;0,1,2\n0,1;0,2\n", "line 2: `RElbowYaw` is `0,1,2`, expected a number"),
         ("time_s,RElbowYaw\n0,0,0,1\n0,1,0,2\n", "perhaps a comma is the decimal mark"),
         ('time_s,RElbowYaw\n0,"0,1"\n0.1,"0,2"\n', "a decimal comma"),
         ("time_s,RElbowYaw\n0,nan\n0.1,0\n", "line 2: `RElbowYaw` is `nan`, expected a finite number"),

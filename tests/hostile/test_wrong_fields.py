@@ -316,7 +316,7 @@ TABLES = [
     ("episodes", "line", "pb_1,pb_2\n0," + "9" * 200_000 + "\n"),
     ("training_log", "n_decisions", "n_decisions,loss\nmany,1\n"),
     ("csv", "line 3", "time_s,RElbowYaw\n0,0\n1e-9,0\n"),
-    ("csv", "time_s", "time_s,RElbowYaw\n0,0\n1e300,0\n"),
+    ("csv", "line 3: has the time 1e+300", "time_s,RElbowYaw\n0,0\n1e300,0\n"),
     ("csv", "cells", "time_s,RElbowYaw\n" + "," * 2_000_001),
     ("motion_csv", "angle 1e+300", "time_s,RElbowYaw\n0,0\n1,1e300\n"),
     ("motion_csv", "time", "time_s,RElbowYaw\n-1e300,0\n1e300,0\n"),
