@@ -17,7 +17,6 @@ import tyro
 from rich.table import Table
 
 from creative_nao.cli.terminal import Display, Terminal, print_result
-from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.evaluation.leaderboard import leaderboard, with_record
 from creative_nao.evaluation.pages import env_label, terminal_table
@@ -58,7 +57,8 @@ class EvaluateSettings(JobOptions):
     suite: tyro.conf.Positional[str] = "quick"
     """`quick`: agents on one memory; `search`: all agents on memories no training has seen; `physical`: what the body
     changes; `performed`: the same for the best agent on all of these memories; `modulation`: a PB that changes while a
-    movement unfolds; `transfer`: memories of other demonstrations; or a TOML file of your own."""
+    movement unfolds; `transfer`: memories of other demonstrations; `gestures`: the same agents and figures on sets of
+    recordings, and beside networks memories that only mix; or a TOML file of your own."""
     out: Path | None = None
     """Run folder, which must be new or empty unless --resume is given; default: runs/SUITE-TIMESTAMP."""
     seed: int = 0
@@ -68,9 +68,9 @@ class EvaluateSettings(JobOptions):
     agents: str | None = None
     """Only these agents, with commas between: names, shipped bundles, bundle files, or package.module:factory of your
     own; default: those of the suite."""
-    demonstrations: Path | None = None
-    """transfer: folder of CSV recordings, a basic action each, on which the memories are trained; default: those of the
-    suite."""
+    demonstrations: tuple[Path, ...] = ()
+    """transfer, gestures: folder of recordings, a basic action each, on which the memories are trained; default: those
+    of the suite. gestures takes several folders, and deals out those with more than eleven to sets of six or more."""
 
 
 @dataclass(frozen=True)
@@ -207,24 +207,24 @@ def _chosen(settings: EvaluateSettings) -> Suite:
     if settings.agents is not None:
         names = tuple(name.strip() for name in settings.agents.split(",") if name.strip())
         suite = dataclasses.replace(suite, agents=tuple(map(check_agent, names)))
-    if settings.demonstrations is None:
+    if not settings.demonstrations:
         return suite
     if suite.taught is None:
         raise SettingsError(
             f"--demonstrations belongs to suites that train memories, as `transfer`; `{suite.name}` has no [taught]"
         )
-    load_demonstrations(settings.demonstrations)  # its mistakes are told now
-    return dataclasses.replace(
-        suite, taught=dataclasses.replace(suite.taught, demonstrations=str(settings.demonstrations))
-    )
+    others = tuple(name for name in suite.memories if name not in suite.taught.names)
+    taught = suite.taught.on(settings.demonstrations)
+    return dataclasses.replace(suite, taught=taught, memories=(*others, *taught.names))
 
 
 def _command(settings: EvaluateSettings) -> str:
     """Return how to type the run again."""
     words = ["creative-nao", "evaluate", settings.suite, "--seed", str(settings.seed)]
-    for name in ("agents", "demonstrations"):
-        if (value := getattr(settings, name)) is not None:
-            words += [f"--{name}", str(value)]
+    if settings.agents is not None:
+        words += ["--agents", settings.agents]
+    if settings.demonstrations:
+        words += ["--demonstrations", *map(str, settings.demonstrations)]
     return shlex.join(words)
 
 

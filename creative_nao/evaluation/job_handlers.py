@@ -18,16 +18,18 @@ from creative_nao import storage
 from creative_nao.agents.bundle import BundleHeader, save_bundle
 from creative_nao.agents.play import check_env
 from creative_nao.agents.training import PPOSettings, train_ppo
-from creative_nao.demonstrations import load_demonstrations
+from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import CreativeNaoError
 from creative_nao.evaluation.jobs import PARENT, read_spec, write_result
 from creative_nao.evaluation.protocol import play
 from creative_nao.evaluation.statistics import seed_sequence
-from creative_nao.evaluation.suites import resolve_agent
+from creative_nao.evaluation.suites import TaughtSet, resolve_agent
 from creative_nao.maps import pb_map
-from creative_nao.measures import OUTCOMES, farthest_points
-from creative_nao.model import Memory, TrainingSettings, train_network
+from creative_nao.maps.grid import pb_grid
+from creative_nao.measures import OUTCOMES, farthest_points, table
+from creative_nao.model import Memory, TrainingSettings, condition_settings, reproduction, train_network
+from creative_nao.model.controls import CONTROLS, ControlMemory, control_memory
 from creative_nao.schema import dump, parse
 
 Report = Callable[[float], None]
@@ -55,8 +57,52 @@ def train_memory(spec: dict[str, Any], folder: Path, report: Report) -> dict[str
     return {"memory": spec["memory"], "loss": float(min(memory.loss_history)), "seconds": time.perf_counter() - start}
 
 
-def _memory_of(memory: dict[str, Any], folder: Path) -> str:
-    """Return the name or file by which an environment finds a memory of a spec."""
+def train_set(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
+    """Train the memories of all conditions on one set with one seed, map them, and return their figures.
+
+    Each of `memories` tells how well its basic actions come back (DTW distance by name [rad]), the paper's four figures
+    over its map, and how long it took.
+    """
+    taught = parse(TaughtSet, spec["set"], "set")
+    basic = load_demonstrations(taught.demonstrations)
+    names = taught.actions or basic.names
+    trajectories = [basic.trajectory(name) for name in names]
+    basic = Demonstrations(names, trajectories, basic.dt_s, basic.joints, basic.record)
+    told, network = [], None
+    for place, (condition, memory) in enumerate(spec["memories"].items()):
+        start = time.perf_counter()
+        if condition in CONTROLS:
+            assert network is not None
+            made = control_memory(network, condition, spec["seed"])
+        else:
+            chosen = condition_settings(condition, {})
+            n_epochs = spec["n_epochs"] * (3 if condition == "auto" else 1)  # the second attempt takes twice as long
+            training = TrainingSettings(seed=spec["seed"], n_epochs=n_epochs, **chosen)
+            command = f"creative-nao evaluate (memory {memory['name']})"
+            made = network = train_network(basic, training, command=command)
+        made.save(folder / memory["file"])
+        seconds = time.perf_counter() - start
+        told.append({
+            "memory": memory["name"], "set": taught.name, "condition": condition, "seed": spec["seed"],
+            "reproduction_dtw": dict(zip(names, reproduction(made), strict=True)),
+            "attempts": [one["n_epochs"] for one in made.record.get("attempts", [])],
+            **_paper_figures(made, spec["resolution"], spec["seed"]), "seconds": seconds,
+        })  # fmt: skip
+        report((place + 1) / len(spec["memories"]))
+    return {"memories": told}
+
+
+def _paper_figures(memory: Any, resolution: int, seed: int) -> dict[str, float | None]:
+    found = table(memory.generate(pb_grid(resolution)), memory.demonstrations, rng=seed)
+    shares = {f"{name}_pct": getattr(found, f"{name}_pct") for name in ("appropriate", *OUTCOMES)}
+    draws = {"novelty": found.novelty, "diversity": found.diversity}
+    return {**shares, **{name: None if drawn is None else drawn.mean for name, drawn in draws.items()}}
+
+
+def _memory_of(memory: dict[str, Any], folder: Path) -> Any:
+    """Return the name or file by which an environment finds a memory of a spec, or a control itself."""
+    if memory.get("control"):
+        return ControlMemory.read(folder / memory["file"], name=memory["name"])
     return memory["name"] if memory["file"] is None else str(folder / memory["file"])
 
 
@@ -142,6 +188,7 @@ def score_map(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, A
 
 HANDLERS: dict[str, Callable[[dict[str, Any], Path, Report], dict[str, Any]]] = {
     "teach": train_memory,
+    "teach-set": train_set,
     "train": train_agent,
     "play": play_episodes,
     "chart": score_map,

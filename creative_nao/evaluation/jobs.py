@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from creative_nao import storage
 from creative_nao.errors import CreativeNaoError
-from creative_nao.evaluation.suites import Suite, check_agent, trained_here
+from creative_nao.evaluation.suites import Suite, check_agent, slug, trained_here
+from creative_nao.model.controls import CONTROLS
 from creative_nao.schema import Field, JsonObject, NonNegative, PlainName, load_json, record, save_json
 
 PARENT = "CREATIVE_NAO_RUNNER"
@@ -18,7 +19,7 @@ PARENT = "CREATIVE_NAO_RUNNER"
 STARTING_S = 4.0
 """Expected seconds until a job's process has loaded physics and network."""
 
-Kind = Literal["teach", "train", "play", "chart"]
+Kind = Literal["teach", "teach-set", "train", "play", "chart"]
 
 
 @record
@@ -27,8 +28,8 @@ class Job:
 
     Attributes:
         name: Unique in its run folder; also the name of its files.
-        kind: What is done: a memory is trained (`teach`), an agent is trained (`train`), an agent plays episodes
-            (`play`), or a memory's map is scored (`chart`).
+        kind: What is done: a memory is trained (`teach`), or one of each condition on a set (`teach-set`), an agent is
+            trained (`train`), an agent plays episodes (`play`), or a memory's map is scored (`chart`).
         title: What is shown while it runs.
         spec: Everything that decides the result; plain JSON.
         needs: Names of jobs whose files it reads.
@@ -87,11 +88,6 @@ def read_spec(path: Path) -> Job:
     return load_json(Job, path, "job")
 
 
-def slug(name: str) -> str:
-    """Return a name as it may stand in a file name."""
-    return "".join(letter if letter.isalnum() or letter in "-_." else "-" for letter in name)
-
-
 def plan(suite: Suite, *, base_seed: int) -> tuple[Job, ...]:
     """Cut `suite` into jobs: memories and agents are trained, maps scored, agents judged in groups.
 
@@ -105,24 +101,32 @@ def plan(suite: Suite, *, base_seed: int) -> tuple[Job, ...]:
     Raises:
         CreativeNaoError: If an agent cannot take part, as `check_agent` tells.
     """
-    taught = {name: _train_memory(suite, name) for name in suite.memories if suite.taught_seed(name) is not None}
+    taught = _train_memories(suite)
     learning = [agent for agent in suite.agents if trained_here(check_agent(agent))]
-    jobs: list[Job] = [*taught.values()]
+    jobs: list[Job] = [*_each_once(taught.values())]
+    charted = suite.memories if suite.charted == "all" else suite.shown
     for group in _groups(suite.memories, suite.memories_per_job):
-        own = tuple(taught[memory] for memory in group if memory in taught)
+        own = _each_once(taught[memory] for memory in group if memory in taught)
         trained = {
             (agent, memory, seed): _train_agent(suite, agent, memory, seed, base_seed, taught.get(memory))
             for memory in group
             for agent in learning
             for seed in range(suite.n_seeds)
         }
-        jobs += [*trained.values(), *(_score_map(suite, memory, taught.get(memory)) for memory in group)]
+        jobs += [
+            *trained.values(),
+            *(_score_map(suite, memory, taught.get(memory)) for memory in group if memory in charted),
+        ]
         for agent in suite.agents:
             for seeds in _groups(range(suite.n_seeds), suite.seeds_per_job):
                 keys = [(agent, memory, seed) for memory in group for seed in seeds]
                 needed = [trained[key] for key in keys if key in trained]
                 jobs.append(_play(suite, agent, group, seeds, needed, own, base_seed))
     return tuple(jobs)
+
+
+def _each_once(jobs: Iterable[Job]) -> tuple[Job, ...]:
+    return tuple({job.name: job for job in jobs}.values())
 
 
 def _groups(values: Sequence[Any], size: int) -> list[Sequence[Any]]:
@@ -132,7 +136,8 @@ def _groups(values: Sequence[Any], size: int) -> list[Sequence[Any]]:
 def _memory(suite: Suite, name: str) -> dict[str, Any]:
     """Return where a job finds a memory: by its name, or in a file of the run folder."""
     file = None if suite.taught_seed(name) is None else f"memories/{slug(name)}.safetensors"
-    return {"name": name, "file": file}
+    is_control = file is not None and name.rpartition("/")[0].rpartition("/")[2] in CONTROLS
+    return {"name": name, "file": file, **({"control": True} if is_control else {})}
 
 
 def _job(
@@ -152,10 +157,34 @@ def _job(
     )
 
 
+def _train_memories(suite: Suite) -> dict[str, Job]:
+    """Return the job that trains each memory, by the memory's name."""
+    if suite.taught is None or not suite.taught.conditions:
+        return {name: _train_memory(suite, name) for name in suite.memories if suite.taught_seed(name) is not None}
+    found = {}
+    for one in suite.taught.sets:
+        for seed in suite.taught.seeds:
+            names = {kind: f"{one.name}/{kind}/{seed}" for kind in suite.taught.conditions}
+            memories = {kind: _memory(suite, name) for kind, name in names.items()}
+            files = tuple(memory["file"] for memory in memories.values())
+            spec = {
+                "set": dataclasses.asdict(one),
+                "seed": seed,
+                "n_epochs": suite.taught.n_epochs,
+                "resolution": suite.resolution,
+                "memories": memories,
+            }
+            title, work_s = f"train memories of {one.name}, seed {seed}", len(files) * suite.taught.n_epochs / 1500.0
+            job = _job("teach-set", f"{slug(one.name)}-{seed}", title, spec, work_s)
+            found |= dict.fromkeys(names.values(), dataclasses.replace(job, writes=files))
+    return found
+
+
 def _train_memory(suite: Suite, memory: str) -> Job:
     assert suite.taught is not None
     file = _memory(suite, memory)["file"]
-    spec = {key: value for key, value in dataclasses.asdict(suite.taught).items() if key != "seeds"}
+    single = ("demonstrations", "teaching_seed", "closed_loop_ratio", "n_epochs")
+    spec = {key: getattr(suite.taught, key) for key in single}
     spec |= {"seed": suite.taught_seed(memory), "memory": memory, "file": file}
     return _job("teach", slug(memory), f"train memory {memory}", spec, suite.taught.n_epochs / 1500.0, writes=file)
 

@@ -20,12 +20,11 @@ from creative_nao import storage
 from creative_nao.agents.registry import UNTRAINED
 from creative_nao.errors import MissingDependencyError, NotFoundError
 from creative_nao.evaluation import pages, plots
-from creative_nao.evaluation.jobs import slug
 from creative_nao.evaluation.pages import env_label
 from creative_nao.evaluation.plots import agent_colour, agent_label
 from creative_nao.evaluation.protocol import Episode
 from creative_nao.evaluation.results import Measured, Row, entries_of, verdict
-from creative_nao.evaluation.suites import Suite, actions_before, trained_here
+from creative_nao.evaluation.suites import Suite, actions_before, slug, trained_here
 from creative_nao.joints import JOINTS
 from creative_nao.maps import PBMap
 from creative_nao.maps.figure_style import INK, figure, save, styled
@@ -35,8 +34,6 @@ from creative_nao.model import Memory, load_memory
 if TYPE_CHECKING:
     from creative_nao.robot.scene import Scene
 
-MAX_SHOWN = 3
-"""Most memories that are drawn one by one; the figures over all memories and the result file hold the others."""
 FEW = 3
 """Most agents whose maps are drawn large, two in a row; more stand three in a row."""
 N_ROWS = 4
@@ -56,9 +53,7 @@ def write_report(
 
     The folder's maps are read; `results` is the content of `results.json`, `record` that of `run.json`.
     """
-    n_shown = min(MAX_SHOWN, len(suite.memories))  # all of a few, else some spread over the suite's list
-    shown = [suite.memories[place * len(suite.memories) // n_shown] for place in range(n_shown)]
-    maps = {memory: PBMap.load(folder / "maps" / f"{slug(memory)}.npz") for memory in shown}
+    maps = {memory: PBMap.load(folder / "maps" / f"{slug(memory)}.npz") for memory in suite.shown}
     others = []  # told of by training if they come out of a bundle, else by docstring
     for agent in [agent for agent in suite.agents if agent not in INTRODUCED]:
         about = (UNTRAINED[agent].__doc__ or "").strip().partition("\n")[0] if agent in UNTRAINED else None

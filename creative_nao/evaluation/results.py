@@ -32,7 +32,7 @@ from creative_nao.evaluation.statistics import (
     seed_sequence,
 )
 from creative_nao.evaluation.suites import Suite, actions_before, trained_here
-from creative_nao.schema import Count, Field, Text, must, parse, record
+from creative_nao.schema import Count, Field, Text, dump, must, parse, record
 
 Row = Mapping[str, Any]
 Entry = Mapping[str, Any]
@@ -48,6 +48,7 @@ NO_ORACLE = (
 NO_ORACLE_UNFOLDING = (
     "the oracle chooses from a map of single PB vectors; an action whose PB changes while it unfolds is on none"
 )
+NO_ORACLE_ASKED = "the suite has the oracle search no map but those that are drawn"
 WHY_NONE = {
     "novelty": "no appropriate action to measure",
     "diversity": "fewer than two appropriate actions to compare",
@@ -169,6 +170,32 @@ class Oracle:
     """Share of each outcome on the map."""
 
 
+@record
+class TaughtMemory:
+    """A memory that was trained in the run folder under one of several conditions."""
+
+    memory: str
+    set: str
+    condition: str
+    seed: int
+    reproduction_dtw: dict[str, float]
+    """How far each basic action is from what its PB value generates [rad]."""
+    attempts: tuple[int, ...]
+    """Epochs of each attempt, of the condition `auto`."""
+    appropriate_pct: float
+    learned_pct: float
+    unlearned_pct: float
+    fluctuating_pct: float
+    non_moving_pct: float
+    novelty: float | None
+    diversity: float | None
+    seconds: float
+
+
+PAPER_FIGURES = ("appropriate_pct", "learned_pct", "novelty", "diversity")
+"""The paper's four figures of a memory's map."""
+
+
 @dataclass(frozen=True)
 class Measured:
     """Everything the jobs of a suite found, in the order of the suite."""
@@ -176,6 +203,7 @@ class Measured:
     episodes: tuple[Episode, ...]
     trainings: tuple[Training, ...]
     oracles: dict[str, Oracle]
+    taught: tuple[TaughtMemory, ...] = ()
 
     def of(self, memory: str, env: str, agent: str) -> list[Episode]:
         """Return an agent's episodes in an environment on a memory, seed by seed."""
@@ -191,6 +219,7 @@ def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, A
     episodes: list[Episode] = []
     trainings: list[Training] = []
     oracles: dict[str, Oracle] = {}
+    taught: list[TaughtMemory] = []
     for job in jobs:
         spec, result, where = job.spec, done[job.name], f"result of job {job.name}"
         if job.kind == "play":
@@ -199,6 +228,8 @@ def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, A
             memory = spec["memory"]["name"]
             values = {name: result[f"oracle_{name}"] for name in ("pb", "rewards")}
             oracles[memory] = parse(Oracle, {"memory": memory, "shares_pct": result["shares_pct"], **values}, where)
+        elif job.kind == "teach-set":
+            taught += [parse(TaughtMemory, values, where) for values in result["memories"]]
         elif job.kind == "train":
             values = {name: result[name] for name in ("seed", "n_actions", "reward", "seconds")}
             values |= {"agent": spec["agent"], "memory": spec["memory"]["name"]}
@@ -207,7 +238,8 @@ def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, A
         key=lambda e: (suite.memories.index(e.memory), suite.envs.index(e.env), suite.agents.index(e.agent), e.seed)
     )
     trainings.sort(key=lambda t: (t.memory, t.agent, t.seed))
-    return Measured(tuple(episodes), tuple(trainings), oracles)
+    taught.sort(key=lambda one: suite.memories.index(one.memory))
+    return Measured(tuple(episodes), tuple(trainings), oracles, tuple(taught))
 
 
 def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[str, Any]:
@@ -215,12 +247,65 @@ def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[st
     keys = itertools.product(suite.memories, suite.envs, suite.agents)
     trained = {name: suite.ppo.n_generated if trained_here(name) else actions_before(name) for name in suite.agents}
     rows = [_row(suite, measured, memory, env, agent, base_seed, trained[agent]) for memory, env, agent in keys]
-    return {
+    results = {
         "suite": suite.name,
         "rows": rows,
         "baseline": suite.baseline if suite.baseline in suite.agents else None,
         "summary": summarise(rows, baseline=suite.baseline, base_seed=base_seed),
     }
+    if measured.taught:
+        results["memories"] = [dump(one) for one in measured.taught]
+        results["conditions"] = compare_conditions(measured.taught, rows, suite.baseline, base_seed)
+    return results
+
+
+def compare_conditions(
+    taught: Sequence[TaughtMemory], rows: Sequence[Row], baseline: str, base_seed: int
+) -> list[dict[str, Any]]:
+    """Return an entry for each condition: the paper's figures over its memories, and the agents' standing on them.
+
+    `figures` are means over seeds and sets, `per_set` the same set by set, `versus` the differences from the condition
+    `auto` (from the first, without it) for the same sets and seeds, `versus_other_sets` with the sets drawn anew too.
+    A figure that a memory lacks, without usable movements, counts as 0.
+    """
+    conditions, sets = (list(dict.fromkeys(getattr(one, key) for one in taught)) for key in ("condition", "set"))
+    reference = "auto" if "auto" in conditions else conditions[0]
+    values = {
+        (condition, figure): np.array(
+            [[getattr(m, figure) or 0.0 for m in taught if (m.condition, m.set) == (condition, name)] for name in sets]
+        ).T
+        for condition in conditions
+        for figure in PAPER_FIGURES
+    }  # each (seeds, sets)
+
+    def rng(*parts: str) -> np.random.Generator:
+        return np.random.default_rng(seed_sequence(base_seed, "conditions", *parts))
+
+    found = []
+    for condition in conditions:
+        memories = {one.memory for one in taught if one.condition == condition}
+        own = {figure: values[condition, figure] for figure in PAPER_FIGURES}
+        entry: dict[str, Any] = {
+            "condition": condition,
+            "n_memories": len(memories),
+            "figures": {key: estimate(array, rng=rng(condition, key)) for key, array in own.items()},
+            "per_set": {
+                name: {key: estimate(array[:, k], rng=rng(condition, key, name)) for key, array in own.items()}
+                for k, name in enumerate(sets)
+            },
+            "reference": reference,
+            "versus": None,
+            "versus_other_sets": None,
+            "agents": summarise([r for r in rows if r["memory"] in memories], baseline=baseline, base_seed=base_seed),
+        }
+        if condition != reference:
+            gaps = {key: array - values[reference, key] for key, array in own.items()}
+            entry["versus"] = {key: estimate(gap, rng=rng(condition, key, "versus")) for key, gap in gaps.items()}
+            entry["versus_other_sets"] = {
+                key: estimate_over_tasks(gap, rng=rng(condition, key, "sets")) for key, gap in gaps.items()
+            }
+        found.append(entry)
+    return found
 
 
 def _row(
@@ -235,7 +320,8 @@ def _row(
         best = math.fsum(measured.oracles[memory].rewards)
     for field in MEASURED:
         if field == "oracle_share" and best is None:
-            row[field], row[f"{field}_reason"] = None, NO_ORACLE_UNFOLDING if "Modulation" in env else NO_ORACLE
+            reason = NO_ORACLE_UNFOLDING if "Modulation" in env else NO_ORACLE
+            row[field], row[f"{field}_reason"] = None, reason if suite.charted == "all" else NO_ORACLE_ASKED
             continue
         shares = [episode.reward / best if best else None for episode in episodes]
         values = shares if field == "oracle_share" else [getattr(episode, field) for episode in episodes]

@@ -139,9 +139,9 @@ def input_hashes(suite: Suite) -> dict[str, str]:
     Names that only an environment knows are left out, and so are memories that the suite itself trains.
     """
     found = {name: _sha256(find_bundle(name)) for name in suite.agents if in_bundle(name)}
-    if suite.taught is not None and suite.taught.demonstrations is not None:
-        folder = Path(suite.taught.demonstrations)
-        found |= {str(path): sha256(path) for path in sorted(folder.glob("*.csv"))}
+    if suite.taught is not None:
+        for folder in filter(None, (suite.taught.demonstrations, *(one.demonstrations for one in suite.taught.sets))):
+            found |= {str(path): sha256(path) for path in sorted(Path(folder).glob("*.csv"))}
     shipped = set(shipped_memories())
     for name in suite.memories:
         path = memory.PRETRAINED / f"{name.replace('/', '-')}.safetensors" if name in shipped else Path(name)

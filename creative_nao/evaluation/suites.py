@@ -7,20 +7,23 @@ of a suite is an agent by name, one that the suite trains, a bundle trained befo
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from creative_nao.agents.base import Agent, PolicyAgent
 from creative_nao.agents.bundle import load_bundle, shipped_agents
 from creative_nao.agents.registry import NAMES, TRAINED, UNTRAINED, is_entry_point, load_entry_point, make_agent
 from creative_nao.agents.training import PPOSettings
+from creative_nao.demonstrations import load_demonstrations
 from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
 from creative_nao.model import SPLITS, split_memories
+from creative_nao.model.controls import CONTROLS
 from creative_nao.model.memory import shipped_memories
 from creative_nao.schema import AfterValidator, Field, PlainName, Seed, UnitInterval, parse, record
 from creative_nao.storage import read_text
@@ -36,8 +39,15 @@ MENTAL = "CreativeNao/BoxingMental-v0"
 MAX_EPISODES = 1_000_000
 """Of a suite: about a year of a core."""
 MAX_FILE_BYTES = 200_000
+MAX_SHOWN = 3
+"""Most memories that the report draws one by one."""
 PPO = "ppo"
 """The one agent that a suite trains itself, where it names it without a bundle."""
+
+
+def slug(name: str) -> str:
+    """Return a name as it may stand in a file name."""
+    return "".join(letter if letter.isalnum() or letter in "-_." else "-" for letter in name)
 
 
 def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -48,6 +58,21 @@ def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
 
 _Names = Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_each_once)]
 _Repeats = Annotated[int, Field(ge=1, le=10_000)]
+
+
+@record
+class TaughtSet:
+    """Basic actions that a suite's memories are trained on."""
+
+    name: PlainName
+    demonstrations: str | None = None
+    """Folder of recordings; None: the six shipped boxing actions."""
+    actions: tuple[str, ...] = ()
+    """Which of the folder's recordings; default: all."""
+
+
+MemoryCondition = Literal["open", "half", "closed", "auto", "interpolation", "splines", "vae"]
+BOXING = TaughtSet("boxing")
 
 
 @record
@@ -65,10 +90,48 @@ class Taught:
     n_epochs: Annotated[int, Field(ge=1, le=10_000_000)] = 20_000
     """Passes over all actions; the epoch with the lowest loss is kept."""
 
+    conditions: Annotated[tuple[MemoryCondition, ...], AfterValidator(_each_once)] = ()
+    """A memory of each for every seed and set, listed as `SET/CONDITION/SEED`; `closed_loop_ratio` is not used then.
+    Controls (`model.controls`) take the PB points of the last network before them."""
+    sets: tuple[TaughtSet, ...] = (BOXING,)
+    """Only with `conditions`: what is taught."""
+    set_size: Annotated[int, Field(ge=2, le=1_000)] = 6
+    """A folder of more recordings is dealt out to as many disjoint sets of at least this size as it has recordings for.
+    """
+
+    def __post_init__(self) -> None:
+        if self.conditions and self.conditions[0] in CONTROLS:
+            raise SettingsError(f"`conditions` should begin with a network, but begins with {self.conditions[0]}")
+
     @property
     def names(self) -> tuple[str, ...]:
         """How the suite's rows call these memories."""
+        if self.conditions:
+            return tuple(f"{one.name}/{kind}/{s}" for one in self.sets for kind in self.conditions for s in self.seeds)
         return tuple(f"taught/{seed}" for seed in self.seeds)
+
+    def on(self, folders: Sequence[Path]) -> Taught:
+        """Return the same with the recordings of these folders; with `conditions` they come beside the sets there are.
+
+        Raises:
+            SettingsError: If several folders are given where one is taught, or two sets have one name.
+            CreativeNaoError: If a folder holds no recordings that can be read.
+        """
+        read = [(folder, load_demonstrations(folder)) for folder in folders]  # mistakes in them are told now
+        if not self.conditions:
+            if len(read) > 1:
+                raise SettingsError("--demonstrations should name one folder for this suite; `gestures` takes several")
+            return dataclasses.replace(self, demonstrations=str(folders[0]))
+        added = []
+        for folder, demonstrations in read:
+            names, label = demonstrations.names, slug(folder.resolve().name)
+            n_sets = max(1, len(names) // self.set_size)
+            dealt = [(label if n_sets == 1 else f"{label}-{k + 1}", names[k::n_sets]) for k in range(n_sets)]
+            added += [TaughtSet(name, str(folder), actions) for name, actions in dealt]
+        sets = (*self.sets, *added)
+        if len({one.name for one in sets}) < len(sets):
+            raise SettingsError("--demonstrations should name folders of different names, and none called `boxing`")
+        return dataclasses.replace(self, sets=sets)
 
 
 @record
@@ -104,6 +167,8 @@ class Suite:
     """What the suite asks, in a sentence or two, for the report."""
     taught: Taught | None = None
     """Memories to be trained in the run folder first."""
+    charted: Literal["all", "shown"] = "all"
+    """Of which memories the whole map is searched by the oracle: all, or only those that the report draws."""
 
     def __post_init__(self) -> None:
         n_episodes = self.n_seeds * math.prod(map(len, (self.agents, self.envs, self.memories)))
@@ -115,7 +180,14 @@ class Suite:
 
     def taught_seed(self, memory: str) -> int | None:
         """Return the seed of a memory that is trained in the run folder, or None for any other memory."""
-        return None if self.taught is None else dict(zip(self.taught.names, self.taught.seeds, strict=True)).get(memory)
+        known = self.taught is not None and memory in self.taught.names
+        return int(memory.rpartition("/")[2]) if known else None
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """The memories that the report draws one by one: all of a few, else some spread over the list."""
+        n_shown = min(MAX_SHOWN, len(self.memories))
+        return tuple(self.memories[place * len(self.memories) // n_shown] for place in range(n_shown))
 
 
 def find_suite(name: str, *, trusted: bool = False) -> Suite:

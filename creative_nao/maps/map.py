@@ -134,14 +134,14 @@ def pb_map(memory: Memory, resolution: int = PAPER_RESOLUTION, criteria: Criteri
         hint = "; `pb_slice` maps two of them" if n_pb > 2 else ""
         raise SettingsError(f"a PB map needs a memory with n_pb = 2, but this one has {n_pb}{hint}")
     resolution = checked(Resolution, resolution, "resolution")
-    settings = {"memory": memory.name, "resolution": resolution}
+    settings = {"memory": getattr(memory, "name", ""), "resolution": resolution}
     return PBMap(learned_pb=memory.pb, **_scored(memory, resolution, pb_grid(resolution), criteria, settings))
 
 
 def _pb_units(memory: Memory) -> int:
-    if not (hasattr(memory, "network") and hasattr(memory, "generate")):
+    if not (hasattr(memory, "pb") and hasattr(memory, "generate")):
         raise SettingsError(f'`memory` should be a memory, such as `load_memory("half/0")`, but is {shown(memory)}')
-    return memory.network.n_pb
+    return memory.pb.shape[1]
 
 
 def _scored(
@@ -159,7 +159,7 @@ def _scored(
         "names": memory.demonstrations.names,
         "record": record_of_making(settings=settings),
         "trajectories": trajectories,
-        "dt_s": memory.dt_s,
+        "dt_s": memory.demonstrations.dt_s,
     }
 
 

@@ -12,9 +12,13 @@ from creative_nao.model.config import AUTO, TrainingSettings, check_kind
 from creative_nao.model.memory import CONDITIONS, Memory
 
 
-def reproduction(memory: Memory) -> list[float]:
-    """Return the DTW distance of each basic action to what its learned PB generates in closed loop [rad]."""
-    check_kind(Memory, memory, "memory")
+def reproduction(memory: Any) -> list[float]:
+    """Return the DTW distance of each basic action to what its learned PB generates in closed loop [rad].
+
+    Takes a `Memory` or whatever else generates movements, as a control does.
+    """
+    if not (hasattr(memory, "generate") and hasattr(memory, "pb")):
+        check_kind(Memory, memory, "memory")
     pairs = zip(memory.generate(memory.pb), memory.demonstrations.trajectories, strict=True)
     return [dtw(generated[: len(action)], action) for generated, action in pairs]
 

@@ -8,12 +8,12 @@ import pytest
 from creative_nao.agents.bundle import shipped_agents
 from creative_nao.agents.registry import UNTRAINED
 from creative_nao.agents.training import PPOSettings
-from creative_nao.demonstrations import load_demonstrations, save_demonstrations
+from creative_nao.demonstrations import Demonstrations, load_demonstrations, save_demonstrations
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan
 from creative_nao.evaluation.runner import LocalExecutor
 from creative_nao.evaluation.suites import SUITE_NAMES, Taught, find_suite, suite_from_values
-from creative_nao.model import load_memory, split_memories
+from creative_nao.model import TrainingSettings, load_memory, split_memories
 
 GOOD = 'agents = ["random"]\nenvs = ["CreativeNao/BoxingMental-v0"]\nmemories = ["half/0"]\n'
 
@@ -138,3 +138,44 @@ def test_a_memory_of_a_user_s_recordings_is_trained_in_the_run_folder(tmp_path):
     assert done["memory"] == "taught/3"
     assert done["loss"] == min(memory.loss_history)
     assert memory.demonstrations.names == load_demonstrations().names
+
+
+def test_folders_of_many_recordings_are_dealt_out_to_disjoint_sets(tmp_path):
+    demos = load_demonstrations()
+    names = tuple(f"gesture_{k:02}" for k in range(13))
+    many = Demonstrations(names, [demos.trajectories[k % 6] for k in range(13)], demos.dt_s, demos.joints)
+    save_demonstrations(tmp_path / "robot", many)
+    save_demonstrations(tmp_path / "person", demos)
+    taught = find_suite("gestures").taught.on([tmp_path / "robot", tmp_path / "person"])
+
+    assert [one.name for one in taught.sets] == ["boxing", "robot-1", "robot-2", "person"]
+    assert sorted(taught.sets[1].actions + taught.sets[2].actions) == list(names)
+    assert sorted(taught.sets[3].actions) == sorted(demos.names)
+    assert len(taught.names) == 4 * len(taught.conditions) * len(taught.seeds)
+    with pytest.raises(SettingsError, match="folders of different names"):
+        taught.on([tmp_path / "robot"])
+    with pytest.raises(SettingsError, match="one folder for this suite; `gestures` takes several"):
+        find_suite("transfer").taught.on([tmp_path / "robot", tmp_path / "person"])
+
+
+def test_conditions_begin_with_a_network_of_which_controls_take_the_points():
+    with pytest.raises(SettingsError, match="should begin with a network, but begins with vae"):
+        Taught(seeds=(0,), conditions=("vae", "auto"))
+
+
+def test_a_set_is_taught_under_every_condition_and_its_figures_are_told(tmp_path):
+    taught = Taught(seeds=(4,), conditions=("half", "interpolation"), n_epochs=20)
+    suite = dataclasses.replace(find_suite("gestures"), taught=taught, memories=taught.names, resolution=10)
+    jobs = plan(suite, base_seed=0)
+    assert [job.name for job in jobs if job.kind == "teach-set"] == ["teach-set-boxing-4"]
+    assert all(job.needs == ("teach-set-boxing-4",) for job in jobs if job.kind in ("play", "chart"))
+    done = LocalExecutor(1).run(jobs[:1], tmp_path)[jobs[0].name]
+
+    half, control = done["memories"]
+    assert load_memory(tmp_path / "memories/boxing-half-4.safetensors").training == TrainingSettings(
+        n_epochs=20, seed=4
+    )
+    assert (half["memory"], control["memory"]) == suite.memories
+    assert max(control["reproduction_dtw"].values()) < 0.2 < min(half["reproduction_dtw"].values())
+    for one in (half, control):
+        assert one["learned_pct"] + one["unlearned_pct"] == pytest.approx(one["appropriate_pct"])
