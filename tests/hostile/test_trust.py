@@ -19,7 +19,7 @@ from creative_nao.evaluation.jobs import Job
 from creative_nao.evaluation.runner import do_job
 from creative_nao.evaluation.suites import read_suite
 from creative_nao.evaluation.verification import verify
-from creative_nao.robot import rendering
+from creative_nao.robot import opengl
 from creative_nao.runtime import python_command
 
 PACKAGE = Path(creative_nao.__file__).parent
@@ -136,10 +136,10 @@ def test_a_worker_imports_nothing_from_the_folder_it_starts_in(strange_folder, a
 
 
 def test_a_probe_imports_nothing_from_the_folder_it_starts_in(strange_folder, attempt, monkeypatch):
-    attempt("doctor", "mujoco.py lies in the current folder", "not imported", n=len(rendering.ON))
-    monkeypatch.setattr(rendering, "_missing", lambda backend: "")
-    for name in rendering.ON:
-        rendering.probe(name)
+    attempt("doctor", "mujoco.py lies in the current folder", "not imported", n=len(opengl.ON))
+    monkeypatch.setattr(opengl, "_missing", lambda backend: "")
+    for name in opengl.ON:
+        opengl.probe(name)
     assert not (strange_folder / "ran").exists()
 
 
