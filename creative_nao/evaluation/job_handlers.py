@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import sys
 import threading
@@ -29,7 +30,7 @@ from creative_nao.maps import pb_map
 from creative_nao.maps.grid import pb_grid
 from creative_nao.measures import OUTCOMES, farthest_points, table
 from creative_nao.model import Memory, TrainingSettings, condition_settings, reproduction, train_network
-from creative_nao.model.controls import CONTROLS, ControlMemory, control_memory
+from creative_nao.model.controls import CONTROLS, control_memory
 from creative_nao.schema import dump, parse
 
 Report = Callable[[float], None]
@@ -80,12 +81,12 @@ def train_set(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, A
             training = TrainingSettings(seed=spec["seed"], n_epochs=n_epochs, **chosen)
             command = f"creative-nao evaluate (memory {memory['name']})"
             made = network = train_network(basic, training, command=command)
-        made.save(folder / memory["file"])
+            made.save(folder / memory["file"])
         seconds = time.perf_counter() - start
         told.append({
             "memory": memory["name"], "set": taught.name, "condition": condition, "seed": spec["seed"],
             "reproduction_dtw": dict(zip(names, reproduction(made), strict=True)),
-            "attempts": [one["n_epochs"] for one in made.record.get("attempts", [])],
+            "attempts": [one["n_epochs"] for one in getattr(made, "record", {}).get("attempts", [])],
             **_paper_figures(made, spec["resolution"], spec["seed"]), "seconds": seconds,
         })  # fmt: skip
         report((place + 1) / len(spec["memories"]))
@@ -101,8 +102,9 @@ def _paper_figures(memory: Any, resolution: int, seed: int) -> dict[str, float |
 
 def _memory_of(memory: dict[str, Any], folder: Path) -> Any:
     """Return the name or file by which an environment finds a memory of a spec, or a control itself."""
-    if memory.get("control"):
-        return ControlMemory.read(folder / memory["file"], name=memory["name"])
+    if "control" in memory:
+        control = control_memory(Memory.read(folder / memory["file"]), memory["control"], memory["seed"])
+        return dataclasses.replace(control, name=memory["name"])
     return memory["name"] if memory["file"] is None else str(folder / memory["file"])
 
 

@@ -135,9 +135,14 @@ def _groups(values: Sequence[Any], size: int) -> list[Sequence[Any]]:
 
 def _memory(suite: Suite, name: str) -> dict[str, Any]:
     """Return where a job finds a memory: by its name, or in a file of the run folder."""
-    file = None if suite.taught_seed(name) is None else f"memories/{slug(name)}.safetensors"
-    is_control = file is not None and name.rpartition("/")[0].rpartition("/")[2] in CONTROLS
-    return {"name": name, "file": file, **({"control": True} if is_control else {})}
+    if suite.taught_seed(name) is None:
+        return {"name": name, "file": None}
+    group, _, kind = name.rpartition("/")[0].rpartition("/")
+    if kind not in CONTROLS:
+        return {"name": name, "file": f"memories/{slug(name)}.safetensors"}
+    assert suite.taught is not None
+    made_of = _memory(suite, f"{group}/{suite.taught.last_network(kind)}/{suite.taught_seed(name)}")
+    return {"name": name, "file": made_of["file"], "control": kind, "seed": suite.taught_seed(name)}
 
 
 def _job(
@@ -166,7 +171,7 @@ def _train_memories(suite: Suite) -> dict[str, Job]:
         for seed in suite.taught.seeds:
             names = {kind: f"{one.name}/{kind}/{seed}" for kind in suite.taught.conditions}
             memories = {kind: _memory(suite, name) for kind, name in names.items()}
-            files = tuple(memory["file"] for memory in memories.values())
+            files = tuple(memory["file"] for memory in memories.values() if "control" not in memory)
             spec = {
                 "set": dataclasses.asdict(one),
                 "seed": seed,

@@ -110,6 +110,11 @@ class Taught:
             return tuple(f"{one.name}/{kind}/{s}" for one in self.sets for kind in self.conditions for s in self.seeds)
         return tuple(f"taught/{seed}" for seed in self.seeds)
 
+    def last_network(self, control: str) -> str:
+        """Return the condition of which a control takes the PB points."""
+        before = self.conditions[: self.conditions.index(control)]
+        return [kind for kind in before if kind not in CONTROLS][-1]
+
     def on(self, folders: Sequence[Path]) -> Taught:
         """Return the same with the recordings of these folders; with `conditions` they come beside the sets there are.
 

@@ -15,44 +15,25 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import os
-from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.demonstrations import Demonstrations
 from creative_nao.errors import SettingsError, shown
 from creative_nao.model.config import check_kind
 from creative_nao.model.generation import pb_points
-from creative_nao.model.memory import Memory, demonstration_arrays, read_demonstrations
-from creative_nao.runtime import record as provenance
-from creative_nao.schema import Count, JsonObject, Names, Version1, checked, checked_path, dump, parse, record
+from creative_nao.model.memory import Memory
+from creative_nao.schema import Count, checked
 
-KIND = "control memory"
 ControlKind = Literal["interpolation", "splines", "vae"]
 CONTROLS: tuple[ControlKind, ...] = ("interpolation", "splines", "vae")
 TICKS_A_KNOT = 2  # of a spline: a knot every second tick of the longest action
 STRETCH = 3.0  # how much longer a joint's own direction of the PB space is to it than the one across
 HIDDEN, N_STEPS, LEARNING_RATE, KL_WEIGHT = 32, 3000, 5e-3, 0.02  # of the autoencoder: units, Adam's steps, beta
 LATENT_EDGE = 2.0  # the latent value at the edge of the PB space, at least: two standard deviations of the prior
-MAX_VALUE = 1e6  # largest number of a file
-
-
-@record
-class ControlHeader:
-    """What the file of a control holds beside its arrays."""
-
-    format_version: Version1
-    control: ControlKind
-    joints: Names
-    dt_s: float
-    actions: Names
-    demonstrations_record: JsonObject
-    record: JsonObject
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -63,16 +44,15 @@ class ControlMemory:
         control: Which control it is.
         demonstrations: Its basic actions.
         pb: PB value of each, shape (n_actions, n_pb) in [-1, 1].
-        weights: The decoder of `vae` by name, empty for the others.
-        record: Command, settings, versions and time of its making.
+        weights: The decoder of `vae`: weights and biases of its two layers, and the latent value at the edge of the PB
+            space; empty for the others.
         name: What it is called in results.
     """
 
     control: ControlKind
     demonstrations: Demonstrations
     pb: np.ndarray
-    weights: dict[str, np.ndarray]
-    record: dict[str, Any]
+    weights: tuple[np.ndarray, ...] = ()
     name: str = ""
 
     @property
@@ -112,7 +92,7 @@ class ControlMemory:
         return out
 
     def _blend(self, point: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the blended curve, (n_phases, n_joints), and its duration [ticks]."""
+        """Return the blended curve at a point, (n_phases, n_joints), and its duration [ticks]."""
         gaps = self.pb - point
         durations = np.array([len(one) - 1.0 for one in self.demonstrations.trajectories])
         overall = _shares((gaps**2).sum(axis=1))
@@ -127,39 +107,14 @@ class ControlMemory:
         return np.einsum("ja,atj->tj", shares, self._curves), float(overall @ durations)
 
     def _decode(self, point: np.ndarray) -> tuple[np.ndarray, float]:
-        told = decode(self.weights, point * float(self.weights["edge"]))
+        w1, b1, w2, b2, edge = self.weights
+        told = w2 @ np.tanh(w1 @ (point * edge) + b1) + b2
         low, high = (bound(np.concatenate(self.demonstrations.trajectories), axis=0) for bound in (np.min, np.max))
         curve = np.clip(told[:-1].reshape(-1, len(self.joints)), low, high)
         return curve, float(np.clip(told[-1], 1.0, self.n_steps - 1.0))
 
     def __repr__(self) -> str:
         return f"ControlMemory({self.control}: {self.demonstrations.n_actions} actions of {len(self.joints)} joints)"
-
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write it to one safetensors file, in one step, and return its path."""
-        demos = self.demonstrations
-        header = ControlHeader(1, self.control, demos.joints, demos.dt_s, demos.names, demos.record, self.record)
-        tensors = {f"weight/{name}": array for name, array in self.weights.items()}
-        tensors |= {"pb": self.pb, **demonstration_arrays(demos)}
-        return save_tensors(checked_path(path), kind=KIND, header=dump(header), tensors=tensors)
-
-    @classmethod
-    def read(cls, path: str | os.PathLike[str], name: str = "") -> ControlMemory:
-        """Read one back; a torn or foreign file is a FileFormatError."""
-        path = checked_path(path)
-        values, tensors = load_tensors(path, kind=KIND)
-        header = parse(ControlHeader, values, f"{path}: header")
-        parts = [f"demonstration/{place}" for place in range(len(header.actions))]
-        demos = read_demonstrations(path, header, tensors)
-        pb = take(path, tensors, "pb", (len(parts), None), np.float64, least=-1.0, most=1.0)
-        n_told = (aligned(demos).shape[1] * demos.n_joints + 1) if header.control == "vae" else 0
-        shapes = _shapes(pb.shape[1], n_told) if n_told else {}
-        only_arrays(path, tensors, [*parts, "pb", *(f"weight/{key}" for key in shapes)])
-        weights = {
-            key: take(path, tensors, f"weight/{key}", shape, np.float64, least=-MAX_VALUE, most=MAX_VALUE)
-            for key, shape in shapes.items()
-        }
-        return cls(header.control, demos, pb, weights, header.record, name or str(path))
 
 
 def control_memory(memory: Memory, control: ControlKind, seed: int = 0) -> ControlMemory:
@@ -173,11 +128,10 @@ def control_memory(memory: Memory, control: ControlKind, seed: int = 0) -> Contr
     check_kind(Memory, memory, "memory")
     if control not in CONTROLS:
         raise SettingsError(f"`control` should be one of {', '.join(CONTROLS)}, but is {shown(control)}")
-    pb, weights = memory.pb, {}
+    demos, name = memory.demonstrations, f"{control} of {memory.name}"
     if control == "vae":
-        pb, weights = train_autoencoder(memory.demonstrations, memory.pb.shape[1], seed)
-    made = provenance(settings={"control": control, "seed": seed, "memory": memory.name})
-    return ControlMemory(control, memory.demonstrations, pb, weights, made, f"{control} of {memory.name}")
+        return ControlMemory(control, demos, *train_autoencoder(demos, memory.network.n_pb, seed), name)
+    return ControlMemory(control, demos, memory.pb, name=name)
 
 
 def aligned(demonstrations: Demonstrations, *, smooth: bool = False) -> np.ndarray:
@@ -203,19 +157,10 @@ def _shares(squared: np.ndarray) -> np.ndarray:
     return near / near.sum()
 
 
-def _shapes(n_latent: int, n_told: int) -> dict[str, tuple[int, ...]]:
-    return {"w1": (HIDDEN, n_latent), "b1": (HIDDEN,), "w2": (n_told, HIDDEN), "b2": (n_told,), "edge": ()}
-
-
-def decode(weights: dict[str, np.ndarray], latent: np.ndarray) -> np.ndarray:
-    """Return what the decoder tells of one latent value: angles phase by phase [rad], and the duration [ticks]."""
-    return weights["w2"] @ np.tanh(weights["w1"] @ latent + weights["b1"]) + weights["b2"]
-
-
 def train_autoencoder(
     demonstrations: Demonstrations, n_latent: int, seed: int
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Train the autoencoder on all actions at once; return their PB values and the weights of its decoder."""
+) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+    """Train the autoencoder on all actions at once; return their PB values and `weights` of its decoder."""
     rng = np.random.default_rng([seed, n_latent])
     curves = aligned(demonstrations)
     durations = [[len(one) - 1.0] for one in demonstrations.trajectories]
@@ -234,9 +179,8 @@ def train_autoencoder(
             value -= LEARNING_RATE * (m / (1 - 0.9**step)) / (np.sqrt(v / (1 - 0.999**step)) + 1e-8)
     centre = _encode(layers, data)[1][:, :n_latent]
     w1, b1, w2, b2 = layers[4:]
-    weights = {"w1": w1, "b1": b1, "w2": w2 * scale[:, None], "b2": b2 * scale + mean}
-    weights["edge"] = np.array(max(LATENT_EDGE, 1.1 * np.abs(centre).max()))
-    return centre / weights["edge"], weights
+    edge = np.array(max(LATENT_EDGE, 1.1 * np.abs(centre).max()))
+    return centre / edge, (w1, b1, w2 * scale[:, None], b2 * scale + mean, edge)
 
 
 def _encode(layers: list[np.ndarray], data: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

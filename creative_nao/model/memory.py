@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import base64
-import contextlib
 import dataclasses
 import functools
 import html
 import io
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -256,7 +255,8 @@ class Memory:
             **{name: getattr(self, name) for name in ("joints", "dt_s", *IN_HEADER)},
         )
         tensors = {f"parameter/{name}": array for name, array in self.parameters.items()}
-        tensors |= demonstration_arrays(self.demonstrations)
+        for place, trajectory in enumerate(self.demonstrations.trajectories):
+            tensors[f"demonstration/{place}"] = trajectory
         tensors["loss_history"] = self.loss_history.astype(np.float32)
         return save_tensors(checked_path(path), kind=KIND, header=dump(header), tensors=tensors)
 
@@ -274,39 +274,19 @@ class Memory:
         parts = [f"demonstration/{place}" for place in range(len(header.actions))]
         shapes = parameter_shapes(header.network, len(header.joints) * header.network.n_softmax_units, len(parts))
         only_arrays(path, tensors, [*parts, *(f"parameter/{key}" for key in shapes), "loss_history"])
-        demonstrations = read_demonstrations(path, header, tensors)
-        with _naming(path):
-            encoding_of(demonstrations, header.network)  # raises where a joint does not move
         return cls(
             parameters={
                 key: take(path, tensors, f"parameter/{key}", shape, np.float32, least=-MAX_WEIGHT, most=MAX_WEIGHT)
                 for key, shape in shapes.items()
             },
-            demonstrations=demonstrations,
+            demonstrations=_demonstrations(path, header, tensors),
             loss_history=take(path, tensors, "loss_history", (None,), np.float32),
             name=name or str(path),
             **{field: getattr(header, field) for field in IN_HEADER},
         )
 
 
-class _DemonstrationsHeader(Protocol):
-    @property
-    def actions(self) -> tuple[str, ...]: ...
-    @property
-    def joints(self) -> tuple[str, ...]: ...
-    @property
-    def dt_s(self) -> float: ...
-    @property
-    def demonstrations_record(self) -> dict[str, Any]: ...
-
-
-def demonstration_arrays(demonstrations: Demonstrations) -> dict[str, np.ndarray]:
-    """Return the trajectories by their names in a memory's file."""
-    return {f"demonstration/{place}": one for place, one in enumerate(demonstrations.trajectories)}
-
-
-def read_demonstrations(path: Path, header: _DemonstrationsHeader, tensors: dict[str, np.ndarray]) -> Demonstrations:
-    """Return the basic actions of a memory's file; FileFormatError where they are none."""
+def _demonstrations(path: Path, header: MemoryHeader, tensors: dict[str, np.ndarray]) -> Demonstrations:
     trajectories = []
     for place in range(len(header.actions)):
         name = f"demonstration/{place}"
@@ -317,16 +297,12 @@ def read_demonstrations(path: Path, header: _DemonstrationsHeader, tensors: dict
             )
         trajectories.append(trajectory)
     record = header.demonstrations_record
-    with _naming(path):
-        return Demonstrations(header.actions, trajectories, header.dt_s, header.joints, record)
-
-
-@contextlib.contextmanager
-def _naming(path: Path) -> Iterator[None]:
     try:
-        yield
+        demonstrations = Demonstrations(header.actions, trajectories, header.dt_s, header.joints, record)
+        encoding_of(demonstrations, header.network)  # raises where a joint does not move
     except CreativeNaoError as error:
         raise FileFormatError(f"{path}: its demonstrations: {error}") from error
+    return demonstrations
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
