@@ -30,7 +30,7 @@ from creative_nao.agents.settings import (
     naming,
 )
 from creative_nao.errors import FileFormatError, MissingDependencyError, SettingsError
-from creative_nao.model import SPLITS, split_memories
+from creative_nao.model import SPLITS, shipped_memories, split_memories, split_of
 from creative_nao.schema import Count, Field, Index, LongText, UnitInterval, checked, dump
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class TrainingPlan:
     """Decisions from one checkpoint to the next."""
 
     def __post_init__(self) -> None:
-        tested = set(split_memories("test"))
+        tested = {name for name in shipped_memories(None) if split_of(name).startswith("test")}
         for name in ("memory", "judged_memory"):
             if tested & set(memories_of(getattr(self, name))):
                 raise SettingsError(

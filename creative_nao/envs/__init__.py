@@ -7,6 +7,8 @@
 - `BoxingMentalVectorEnv`, `BoxingVectorEnv`, `BoxingModulationVectorEnv`, `BoxingRehearsalVectorEnv`: vector
   environments, for `gymnasium.make_vec`.
 - `Track`: what an agent is told.
+- `GridObservation`, `SetObservation` and `GridVectorObservation`, `SetVectorObservation`: the tries of an episode as an
+  image, or as rows with a mask.
 - `SB3VecEnv`: one of those for Stable-Baselines3.
 - `EnvState`: what `get_state` returns and `set_state` takes.
 - `load`, `TASKS`: the ring as a dm_control `composer.Environment`, boxing tick by tick.
@@ -38,6 +40,12 @@ if TYPE_CHECKING:
         BoxingVectorEnv,
     )
     from creative_nao.envs.observation import Track
+    from creative_nao.envs.observation_wrappers import (
+        GridObservation,
+        GridVectorObservation,
+        SetObservation,
+        SetVectorObservation,
+    )
     from creative_nao.envs.rehearsal_env import BoxingRehearsalEnv, BoxingRehearsalVectorEnv
     from creative_nao.envs.sb3 import SB3VecEnv
     from creative_nao.envs.state import EnvState
@@ -45,7 +53,8 @@ if TYPE_CHECKING:
 __all__ = [
     "ENVIRONMENTS", "TASKS", "VECTOR_ENVIRONMENTS", "BoxingEnv", "BoxingMentalEnv", "BoxingMentalVectorEnv",
     "BoxingModulationEnv", "BoxingModulationVectorEnv", "BoxingRehearsalEnv", "BoxingRehearsalVectorEnv",
-    "BoxingVectorEnv", "EnvState", "SB3VecEnv", "Track", "load", "register_environments",
+    "BoxingVectorEnv", "EnvState", "GridObservation", "GridVectorObservation", "SB3VecEnv", "SetObservation",
+    "SetVectorObservation", "Track", "load", "register_environments",
 ]  # fmt: skip
 
 _LENGTHS = {
@@ -119,8 +128,9 @@ def __getattr__(name: str) -> Any:
     """Load a public name when it is first asked for."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home = {"EnvState": "state", "SB3VecEnv": "sb3", "Track": "observation"}.get(name, "boxing_envs")
-    home = "rehearsal_env" if "Rehearsal" in name else home
+    homes = {"EnvState": "state", "SB3VecEnv": "sb3", "Track": "observation"}
+    homes |= dict.fromkeys(("BoxingRehearsalEnv", "BoxingRehearsalVectorEnv"), "rehearsal_env")
+    home = "observation_wrappers" if name.endswith("Observation") else homes.get(name, "boxing_envs")
     return getattr(importlib.import_module(f"{__name__}.{home}"), name)
 
 

@@ -163,12 +163,10 @@ class EpisodeBatch:
         """Most steps of an episode."""
         return self.n_imagined if self.candidates is not None else self.n_actions * self.n_decisions
 
-    def ended(self, env_ids: np.ndarray) -> np.ndarray:
-        """Return whether these episodes are over, (m,) of bool."""
+    def ended(self, env_ids: Any = slice(None)) -> Any:
+        """Return whether these episodes are over, of bool; by default for all."""
         ended = self.n_done[env_ids] >= self.n_actions
-        if self.candidates is not None:
-            ended |= self.n_imagined_done[env_ids] >= self.n_imagined
-        return ended
+        return ended if self.candidates is None else ended | (self.n_imagined_done[env_ids] >= self.n_imagined)
 
     def step(
         self, env_ids: np.ndarray, pb: np.ndarray

@@ -308,6 +308,10 @@ class ObservationBatch:
         if "points" in self._at:
             self._vectors[env_id, self._at["points"]] = points.ravel()
 
+    def has(self, part: str) -> bool:
+        """Return whether the observations have a part of this name."""
+        return part in self._at
+
     def set_part(self, env_ids: np.ndarray, part: str, values: np.ndarray) -> None:
         """Write one part of these vectors, if they have it: values (m, size), or (m,) for a part of one element."""
         if part in self._at:

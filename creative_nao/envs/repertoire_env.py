@@ -156,13 +156,13 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
             SettingsError: If the episode has ended.
         """
         batch, env_id = self._batch, self._env_id
-        if batch.ended(self._env_ids)[0]:
+        if batch.ended(env_id):
             raise SettingsError(
                 f"the episode has ended after {batch.n_done[env_id]} movements; begin another with `reset`"
             )
         pb = checked_pb(action, self.action_space.shape)[None]
         rewards, terms, _, finished_terms = batch.step(self._env_ids, pb)
-        truncated = bool(batch.ended(self._env_ids)[0])
+        truncated = bool(batch.ended(env_id))
         info = _first({**terms, **finished_terms})
         if truncated:
             info["episode_measures"] = batch.measures(env_id)

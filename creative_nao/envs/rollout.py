@@ -80,9 +80,10 @@ class RolloutBatch:
     def observe(self, env_ids: np.ndarray) -> None:
         """Write posture, P_S, phase and the PB vectors so far into the observations."""
         observations = self._observations
-        decided = np.arange(self.n_decisions) < self.n_decided[env_ids, None]
-        path = np.where(decided[:, :, None], self.pb[env_ids], 0.0)
-        observations.set_part(env_ids, "path", path.reshape(len(env_ids), -1))
+        if observations.has("path"):
+            decided = np.arange(self.n_decisions) < self.n_decided[env_ids, None]
+            path = np.where(decided[:, :, None], self.pb[env_ids], 0.0)
+            observations.set_part(env_ids, "path", path.reshape(len(env_ids), -1))
         share = 2.0 * (self.posture[env_ids] - self._low) / (self._high - self._low) - 1.0
         observations.set_part(env_ids, "posture", np.minimum(np.maximum(share, -1.0), 1.0))
         n_slow = self._generator(0).n_slow

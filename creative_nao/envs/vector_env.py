@@ -109,7 +109,7 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
     @property
     def _ended(self) -> np.ndarray:
         """Which episodes are over and were not begun anew, (num_envs,)."""
-        return self._batch.ended(np.arange(self.num_envs))
+        return self._batch.ended()
 
     @property
     def n_decisions(self) -> int:

@@ -142,7 +142,7 @@ def input_hashes(suite: Suite) -> dict[str, str]:
     if suite.taught is not None:
         for folder in filter(None, (suite.taught.demonstrations, *(one.demonstrations for one in suite.taught.sets))):
             found |= {str(path): sha256(path) for path in sorted(Path(folder).glob("*.csv"))}
-    shipped = set(shipped_memories())
+    shipped = set(shipped_memories(None))
     for name in suite.memories:
         path = memory.PRETRAINED / f"{name.replace('/', '-')}.safetensors" if name in shipped else Path(name)
         if path.is_file():

@@ -287,8 +287,8 @@ def _check_names(suite: Suite, where: str) -> None:
             raise type(error)(f"{where}: {error}") from error
     _check_envs(suite, where)
     for memory in suite.memories:
-        if suite.taught_seed(memory) is None and memory not in shipped_memories() and not os.path.isfile(memory):
-            names = (*shipped_memories(), *SPLITS)
+        if suite.taught_seed(memory) is None and memory not in shipped_memories(None) and not os.path.isfile(memory):
+            names = (*shipped_memories(None), *SPLITS)
             raise NotFoundError(
                 f"{where}: no memory `{memory}`{nearest_name(memory, names)}: neither a file, a shipped name, nor a "
                 f"part of the bank ({', '.join(SPLITS)})"

@@ -351,23 +351,26 @@ SCORES = PRETRAINED / "scores.json"
 CONDITIONS = {"open": 0.0, "half": 0.5, "closed": 1.0}
 """The paper's three closed-loop ratios by name."""
 
-SPLITS = {"train": range(10), "validation": range(10, 12), "test": range(12, 16)}
-"""Seeds of the bank's three parts, each with all conditions. Agents learn on `train`, are tuned on `validation` and
-judged on `test`, whose memories no training ever sees."""
+BANKS = {2: "", 4: "-4pb", 8: "-8pb"}
+"""PB units of the shipped memories, and what the names of those with more than the paper's two carry."""
+_SEEDS = {"train": range(10), "validation": range(10, 12), "test": range(12, 16)}
+SPLITS = {f"{split}{suffix}": seeds for suffix in BANKS.values() for split, seeds in _SEEDS.items()}
+"""Seeds of each bank's three parts, with all its conditions: `train`, `train-4pb`, ... Agents learn on `train`, are
+tuned on `validation` and judged on `test`, whose memories no training ever sees."""
 
 
 def split_memories(split: str) -> tuple[str, ...]:
     """Return the names of the shipped memories of one part of the bank.
 
     Args:
-        split: `train`, `validation` or `test`.
+        split: `train`, `validation` or `test`; of the memories with 4 or 8 PB units `train-4pb`, ..., `test-8pb`.
 
     Raises:
         NotFoundError: If there is no such part, or none of its memories ships.
     """
     if checked(str, split, "split") not in SPLITS:
         raise NotFoundError(f"no split `{split}`{nearest_name(split, SPLITS)}; there are {', '.join(SPLITS)}")
-    names = tuple(name for name in shipped_memories() if int(name.split("/")[1]) in SPLITS[split])
+    names = tuple(name for name in shipped_memories(None) if split_of(name) == split)
     if not names:
         raise NotFoundError(f"no memory of the split `{split}` ships with this installation")
     return names
@@ -375,8 +378,10 @@ def split_memories(split: str) -> tuple[str, ...]:
 
 def split_of(name: str) -> str:
     """Return the part of the bank that a shipped memory such as ``half/0`` belongs to; ``none`` if to none."""
-    seed = checked(str, name, "name").rpartition("/")[2]
-    return next((split for split, seeds in SPLITS.items() if seed.isdecimal() and int(seed) in seeds), "none")
+    condition, _, seed = checked(str, name, "name").rpartition("/")
+    suffix = next((suffix for suffix in BANKS.values() if suffix and condition.endswith(suffix)), "")
+    found = (split for split, seeds in _SEEDS.items() if seed.isdecimal() and int(seed) in seeds)
+    return next((f"{split}{suffix}" for split in found), "none")
 
 
 def shipped_scores() -> dict[str, dict[str, Any]]:
@@ -387,18 +392,23 @@ def shipped_scores() -> dict[str, dict[str, Any]]:
     return read_json(SCORES, "scores of the memories")["memories"] if SCORES.is_file() else {}
 
 
-def shipped_memories() -> tuple[str, ...]:
-    """Return the names of the shipped memories, condition and seed: ``open/0``, ``half/0``, ``closed/0``, ..."""
-    files = [path.stem.rsplit("-", 1) for path in PRETRAINED.glob("*-*.safetensors")]
-    order = list(CONDITIONS)
-    return tuple(f"{c}/{s}" for c, s in sorted(files, key=lambda item: (order.index(item[0]), int(item[1]))))
+def shipped_memories(n_pb: int | None = 2) -> tuple[str, ...]:
+    """Return the names of the shipped memories, condition and seed: ``open/0``, ``half/0``, ``closed/0``, ...
+
+    Args:
+        n_pb: PB units: 2, as in the paper; 4 or 8, whose names are ``half-4pb/0``, ...; None for all.
+    """
+    files = [path.stem.rpartition("-") for path in PRETRAINED.glob("*-*.safetensors")]
+    kinds = [f"{name}{suffix}" for units, suffix in BANKS.items() for name in CONDITIONS if n_pb in (None, units)]
+    found = sorted((kinds.index(kind), int(seed)) for kind, _, seed in files if kind in kinds)
+    return tuple(f"{kinds[place]}/{seed}" for place, seed in found)
 
 
 def load_memory(name: str | os.PathLike[str]) -> Memory:
     """Load a memory by shipped name or from a file.
 
     Args:
-        name: A shipped name such as ``half/0``, or the path of a memory file.
+        name: A shipped name such as ``half/0`` or ``half-4pb/0``, or the path of a memory file.
 
     Raises:
         NotFoundError: If there is neither; the message offers the nearest name.
@@ -406,7 +416,7 @@ def load_memory(name: str | os.PathLike[str]) -> Memory:
         SettingsError: If `name` is neither text nor a path.
     """
     text = str(checked_path(name, "name")) if not isinstance(name, str) else name
-    names = shipped_memories()
+    names = shipped_memories(None)
     if text in names:
         condition, seed = text.split("/")
         return Memory.read(PRETRAINED / f"{condition}-{seed}.safetensors", name=text)

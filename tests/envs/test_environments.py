@@ -1,6 +1,7 @@
 """Every registered environment passes the same tests."""
 
 import warnings
+from contextlib import closing
 
 import gymnasium as gym
 import numpy as np
@@ -10,15 +11,16 @@ from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 
 import creative_nao
 from creative_nao.envs import ENVIRONMENTS
+from creative_nao.envs.observation import split
 from creative_nao.errors import NotFoundError, SettingsError, ShapeError
 from creative_nao.measures import reward_scale
 from creative_nao.measures.outcome import ALL_OUTCOMES
-from creative_nao.model import shipped_memories, split_memories
+from creative_nao.model import SPLITS, shipped_memories, split_memories, split_of
 from creative_nao.robot import Renderer
 
 NAMES = tuple(name for name in ENVIRONMENTS if name not in ("CreativeNao/Boxing-v1", "CreativeNao/BoxingModulation-v1"))
 """All but two that differ from their -v0 in the observation alone, as BoxingMental-v1 does."""
-BOXING, MENTAL = "CreativeNao/Boxing-v0", "CreativeNao/BoxingMental-v0"
+BOXING, MENTAL, REHEARSAL = (f"CreativeNao/Boxing{name}-v0" for name in ("", "Mental", "Rehearsal"))
 
 
 @pytest.fixture(params=NAMES)
@@ -187,9 +189,57 @@ def test_over_the_bank_every_episode_draws_a_memory_by_seed():
 
 
 def test_no_memory_of_the_test_split_is_in_another():
-    parts = [set(split_memories(split)) for split in ("train", "validation", "test")]
+    parts = {split: set(split_memories(split)) for split in SPLITS}
 
-    assert sum(map(len, parts)) == len(set.union(*parts)) == len(shipped_memories())
+    assert sum(map(len, parts.values())) == len(set.union(*parts.values())) == len(shipped_memories(None))
+    assert {split: len(names) for split, names in parts.items() if "pb" in split} == {
+        f"{split}-{n_pb}pb": n for n_pb in (4, 8) for split, n in (("train", 10), ("validation", 2), ("test", 4))
+    }
+    assert all(split_of(name) == split for split, names in parts.items() for name in names)
+
+
+@pytest.mark.parametrize("n_pb", [4, 8])
+@pytest.mark.parametrize("name", ["CreativeNao/BoxingMental-v1", "CreativeNao/BoxingModulation-v1", REHEARSAL])
+def test_more_pb_units_and_a_hundred_movements_are_played_alike(name, n_pb):
+    """Alone, imagined, and in a vector environment over the bank."""
+    arguments = {"memory": f"test-{n_pb}pb", "n_actions": 100, "n_imagined": 200}
+    rng = np.random.default_rng(0)
+    with gym.make(name, **arguments) as env, closing(gym.make_vec(name, 2, **arguments)) as envs:
+        n = n_pb + (name == REHEARSAL)
+        assert env.action_space.shape == (n,)
+        env.reset(seed=3)
+        memory = envs.reset(seed=3)[1]["memory"][0]
+        assert memory in split_memories(f"test-{n_pb}pb")
+        assert env.unwrapped.memory.pb.shape == (6, n_pb)
+        for _ in range(12):
+            actions = rng.uniform(-1, 1, (2, n)).astype(np.float32)
+            if name != REHEARSAL:
+                imagined = env.unwrapped.imagine(actions[0, :n_pb])
+            observation, reward, *_, info = env.step(actions[0])
+            seen, rewards, *_ = envs.step(actions)
+            assert np.array_equal(observation, seen[0])
+            assert reward == rewards[0]
+            assert observation in env.observation_space
+            if "Mental" in name:
+                assert reward == imagined["reward_novelty"]
+                assert np.array_equal(imagined["trajectory"], info["trajectory"])
+        assert env.spec.max_episode_steps == {"Mental-v1": 100, "Modulation-v1": 1000, "Rehearsal-v0": 200}[name[18:]]
+
+
+def test_cells_of_eight_units_are_refused():
+    with pytest.raises(
+        SettingsError, match=r'"cells" has 8 cells a PB unit, 8\^8 for this memory of 8 units; take a -v1'
+    ):
+        gym.make(MENTAL, memory="half-8pb/0")
+
+
+def test_in_an_episode_of_a_hundred_movements_every_one_is_observed():
+    with gym.make("CreativeNao/BoxingMental-v1", n_actions=100) as env:
+        last = play(env, 0, 100)[-1][0]
+        parts = split(last, env.unwrapped.observation_parts, env.unwrapped.try_columns)
+        assert parts["tries"].shape == (100, 19)
+        assert parts["tries"][:, 0].all()
+        assert len(env.unwrapped.repertoire) > 40
 
 
 def test_a_memory_of_another_part_is_refused():

@@ -81,6 +81,16 @@ def test_one_memory_of_each_condition_ships():
     assert {f"{condition}/0" for condition in CONDITIONS} <= set(shipped_memories())
 
 
+def test_the_banks_of_more_units_have_names_of_their_own():
+    for n_pb in (4, 8):
+        names = shipped_memories(n_pb)
+        assert len(names) == 16
+        assert {name.split("/")[0] for name in names} == {f"half-{n_pb}pb", f"closed-{n_pb}pb"}
+        assert load_memory(names[-1]).network.n_pb == n_pb
+    assert shipped_memories(3) == ()
+    assert set(shipped_memories(None)) == {name for n_pb in (2, 4, 8) for name in shipped_memories(n_pb)}
+
+
 @pytest.mark.parametrize("name", [f"{condition}/0" for condition in CONDITIONS])
 def test_a_shipped_memory_says_how_it_was_made(name):
     memory = load_memory(name)
@@ -100,7 +110,7 @@ def test_half_0_gives_every_basic_action_back_in_closed_loop():
 
 
 def test_shipped_memories_learned_the_shipped_demonstrations(demonstrations):
-    for name in shipped_memories():
+    for name in shipped_memories(None):
         mine = load_memory(name).demonstrations
         assert mine.names == demonstrations.names
         assert all(np.array_equal(a, b) for a, b in zip(mine.trajectories, demonstrations.trajectories, strict=True))
