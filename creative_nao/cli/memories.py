@@ -47,6 +47,9 @@ def _lines(rows: list[dict[str, Any]]) -> Iterator[str]:
     yield from map(_line, rows)
     for condition, counts in _success(rows).items():
         yield f"{condition}: {counts[True]} of {counts.total()} networks give every basic action back"
+    for n_pb in (4, 8):
+        names = shipped_memories(n_pb)
+        yield f"with {n_pb} PB units, which have no map to score, {len(names)} more: {names[0]} to {names[-1]}"
 
 
 def score_memory(name: str) -> dict[str, Any]:
