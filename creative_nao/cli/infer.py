@@ -13,7 +13,7 @@ from creative_nao import exchange
 from creative_nao.cli.terminal import print_result
 from creative_nao.errors import SettingsError
 from creative_nao.exchange import NOTHING_SAID, Reading
-from creative_nao.maps.figure_style import INK, action_colour, action_letter, write_figure
+from creative_nao.maps.figure_style import INK, action_colour, action_letter, plain_text, write_figure
 from creative_nao.measures import score
 from creative_nao.model import load_memory
 
@@ -27,6 +27,7 @@ RECORDED, REGENERATED = action_colour(1), action_colour(0)
 MAX_COLUMNS = 4
 
 
+@plain_text
 def _draw_recognition(memory: Memory, recorded: np.ndarray, found: Recognition, path: Path, title: str) -> None:
     """Draw recorded and regenerated curves of every joint beside the PB space with the answer in it."""
     from matplotlib.figure import Figure

@@ -28,7 +28,11 @@ DASH = "\N{EN DASH}"
 """Stands where there is no figure."""
 MARKDOWN = ".md.jinja"
 IMAGE_TYPES = {".png": "image/png", ".svg": "image/svg+xml"}
-_MARKUP = str.maketrans({mark: f"\\{mark}" for mark in "\\`|*[]"} | {"<": "&lt;", ">": "&gt;", "&": "&amp;"})
+CONTENT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
+"""Of a page that runs no script and loads nothing; templates know it as `csp`."""
+_MARKUP = str.maketrans({mark: f"\\{mark}" for mark in "\\`|*[]~#"} | {"<": "&lt;", ">": "&gt;", "&": "&amp;"})
+_BLOCK = re.compile(r"(?<!\S)(\d*)([-+=]+|[.)])(?!\S)")
+"""Words that begin a list, a rule or a heading where a line begins with them."""
 
 
 def render(template: str, folder: Path | None = None, /, **values: Any) -> str:
@@ -55,6 +59,7 @@ def _environment(folder: Path | None) -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals["csp"] = CONTENT_POLICY
     environment.filters |= {
         "md": md, "code": code, "interval": interval, "span": span, "thousands": "{:,}".format,
         "paragraph": _wrapped, "bullet": functools.partial(_wrapped, first="- ", others="  ", after="\n"),
@@ -77,7 +82,7 @@ def md(text: str) -> str:
         >>> md("a|b <script>")
         'a\\|b &lt;script&gt;'
     """
-    return " ".join(_visible(str(text)).split()).translate(_MARKUP)
+    return _BLOCK.sub(r"\1\\\2", " ".join(_visible(str(text)).split()).translate(_MARKUP))
 
 
 def code(text: str) -> str:

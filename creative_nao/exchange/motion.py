@@ -132,12 +132,13 @@ def draw_curves(trajectories: Mapping[str, np.ndarray], dt_s: float, joints: tup
     lines = []
     for panel, (name, angles) in zip(panels, chosen.items(), strict=False):
         lines = panel.plot(np.arange(len(angles)) * dt_s, angles, linewidth=1.0)
-        panel.set_title(name, fontsize=9)
+        panel.set_title(name, fontsize=9, parse_math=False)
     for panel in panels[len(chosen) :]:
         panel.set_visible(False)
     figure.supxlabel("time [s]", fontsize=9)
     figure.supylabel("angle [rad]", fontsize=9)
-    figure.legend(lines, joints, loc="outside right upper", fontsize=7)
+    for label in figure.legend(lines, joints, loc="outside right upper", fontsize=7).get_texts():
+        label.set_parse_math(False)  # names out of files are text
     content = io.BytesIO()
     figure.savefig(content, format="png", dpi=90)
     return content.getvalue()

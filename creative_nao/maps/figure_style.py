@@ -6,11 +6,13 @@ regions have borders, basic actions letters, inappropriate outcomes hatching.
 
 from __future__ import annotations
 
+import functools
 import io
 import os
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from creative_nao.schema import checked_path
 from creative_nao.storage import replacing
@@ -18,6 +20,8 @@ from creative_nao.storage import replacing
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+P, T = ParamSpec("P"), TypeVar("T")
 
 # matplotlib takes a fifth of a second to import, so only what draws does it.
 
@@ -67,7 +71,10 @@ def rgb(colour: str) -> tuple[float, float, float]:
     return (int(colour[1:3], 16) / 255, int(colour[3:5], 16) / 255, int(colour[5:7], 16) / 255)
 
 
+PLAIN: dict[Any, Any] = {"text.parse_math": False, "text.usetex": False}
+"""Text is shown as it stands: names come out of files, and one such as ``$\\nosuch{$`` is no mathematics."""
 STYLE: dict[Any, Any] = {
+    **PLAIN,
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib: the same picture everywhere
     "font.size": 10.0,
@@ -102,6 +109,19 @@ def styled() -> AbstractContextManager[None]:
     import matplotlib
 
     return matplotlib.rc_context(STYLE)
+
+
+def plain_text(draw: Callable[P, T]) -> Callable[P, T]:
+    """Have a function that draws show text as it stands, as `PLAIN` says."""
+
+    @functools.wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
+        import matplotlib
+
+        with matplotlib.rc_context(PLAIN):
+            return draw(*args, **kwargs)
+
+    return drawn
 
 
 def figure(

@@ -9,8 +9,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name
-from creative_nao.maps.figure_style import INK, PAPER_WHITE, UNUSABLE, action_colour, action_letter, rgb, write_figure
+from creative_nao.errors import NotFoundError, SettingsError, ShapeError, nearest_name, printable
+from creative_nao.maps.figure_style import (
+    INK,
+    PAPER_WHITE,
+    UNUSABLE,
+    action_colour,
+    action_letter,
+    plain_text,
+    rgb,
+    write_figure,
+)
 from creative_nao.maps.grid import GridMap, neighbour_pairs
 from creative_nao.measures import dtw_pairs, excursions, largest_speeds, unexpectedness
 from creative_nao.measures.dtw import as_numbers
@@ -206,6 +215,7 @@ def legend_handles(pb_map: GridMap, coloured: bool = True, shares: bool = True) 
     return handles
 
 
+@plain_text
 def draw_map(
     pb_map: GridMap,
     path: str | os.PathLike[str] | None = None,
@@ -247,7 +257,7 @@ def draw_map(
         marks = as_numbers(points, "points").reshape(-1, 2)
         axes.scatter(marks[:, 0], marks[:, 1], s=28, color="white", edgecolor="black", linewidth=1.2, zorder=3)
     appropriate = 100.0 * float(pb_map.appropriate.mean())
-    default = f"Memory {pb_map.memory_name}: {appropriate:.1f} % of the map is appropriate"
+    default = f"Memory {printable(pb_map.memory_name)}: {appropriate:.1f} % of the map is appropriate"
     axes.set_title(default if title is None else title)
     figure.legend(
         handles=legend_handles(pb_map, by_action), loc="outside right upper", frameon=False, fontsize=9,

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogFormatter, NullFormatter
 
 from creative_nao.demonstrations import Demonstrations
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Entry
@@ -65,7 +66,10 @@ def learning_curves(networks: Networks) -> Figure:
     n_networks = [len(networks[condition]) for condition in CONDITION_NAMES]
     counts = str(n_networks[0]) if len(set(n_networks)) == 1 else " / ".join(map(str, n_networks))
     word = "network" if max(n_networks) == 1 else "networks"
-    many.set(yscale="log", xlabel="epoch", ylabel="loss", title=f"Median and range, {counts} {word} a condition")
+    many.set_yscale("log")
+    many.yaxis.set_major_formatter(LogFormatter())
+    many.yaxis.set_minor_formatter(NullFormatter())
+    many.set(xlabel="epoch", ylabel="loss", title=f"Median and range, {counts} {word} a condition")
     many.locator_params(axis="x", nbins=5)
     many.xaxis.set_major_formatter("{x:,.0f}")
     one.set(xlabel="epoch", title=f"One network each, seed {networks['half'][0].memory.training.seed}")
