@@ -8,20 +8,21 @@ Stable-Baselines3 beyond its public interface is listed in `PRIVATE_NAMES`; a te
 from __future__ import annotations
 
 import dataclasses
+import operator
 import random
 from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from creative_nao import schema
 from creative_nao.agents.settings import RELEASED_NAMES
 from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
-from creative_nao.envs.state import EnvState
+from creative_nao.envs.state import EnvState, generator_from
 from creative_nao.errors import FileFormatError, SettingsError, shown
-from creative_nao.schema import JsonObject, Version1, parse
+from creative_nao.schema import Field, JsonObject, Version1, parse
 
 KIND = "agent checkpoint"
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
@@ -87,20 +88,26 @@ def restore(model: Any, state: ResumeState) -> None:
             if name in values:
                 setattr(model, name, _counted(name, values[name]))
         part = "parameters"
+        settings = {name: _group_settings(one) for name, one in _optimisers(model).items()}
         model.set_parameters(_unpack(values["parameters"], arrays), exact_match=True, device="cpu")
+        _check_optimisers(model, settings)
         part = "variables"
         for name, tensor in _variables(model).items():
-            tensor.data.copy_(torch.from_numpy(arrays[f"variable.{name}"]))
+            tensor.data.copy_(torch.from_numpy(_like(arrays, f"variable.{name}", _copied(tensor))))
         part = "episodes"
-        starts = np.zeros(len(model._last_obs if model._last_obs is not None else arrays["last_obs"]), bool)
-        model._last_obs = _like(arrays, "last_obs", model._last_obs)
-        model._last_episode_starts = _like(arrays, "last_episode_starts", starts)
+        space = model.observation_space
+        seen = _like(arrays, "last_obs", np.empty((model.n_envs, *space.shape), space.dtype))
+        if not ((space.low <= seen) & (seen <= space.high)).all():
+            raise ValueError("`last_obs` leaves the observation space")
+        model._last_obs = seen
+        model._last_episode_starts = _like(arrays, "last_episode_starts", np.empty(model.n_envs, bool))
         number = np.float32 if values.get("single_precision") else float
         ended = [{"r": number(r), "l": int(length), "t": float(t)} for r, length, t in values["episodes"]]
         model.ep_info_buffer = deque(ended, maxlen=model._stats_window_size)
         model.ep_success_buffer = deque(maxlen=model._stats_window_size)
         if (states := getattr(model, "_last_lstm_states", None)) is not None:
-            tensors = [torch.from_numpy(arrays[f"lstm.{place}"].copy()) for place in range(4)]
+            present = enumerate((*states.pi, *states.vf))
+            tensors = [torch.from_numpy(_like(arrays, f"lstm.{place}", _copied(one))) for place, one in present]
             model._last_lstm_states = type(states)((tensors[0], tensors[1]), (tensors[2], tensors[3]))
         part = "replay buffer"
         if (buffer := getattr(model, "replay_buffer", None)) is not None:
@@ -110,7 +117,7 @@ def restore(model: Any, state: ResumeState) -> None:
         part = "random generators"
         restore_random(model, state)
     except (KeyError, ValueError, TypeError, RuntimeError, IndexError, AttributeError, OverflowError) as error:
-        if isinstance(error, SettingsError) and part != "environments":
+        if isinstance(error, SettingsError) and part not in ("environments", "random generators"):
             raise
         raise FileFormatError(f"training state: its {part} do not fit this training: {error}") from error
 
@@ -124,15 +131,42 @@ def restore_random(model: Any, state: ResumeState) -> None:
     import torch
 
     values, arrays = state.values, state.arrays
-    version, gauss = values["random"]["python"]
+    drawn = parse(_RandomStates, values["random"], "`random`")
+    version, gauss = drawn.python
     random.setstate((version, tuple(arrays["random.python"].tolist()), gauss))
-    kind, place, has_gauss, cached = values["random"]["numpy"]
-    np.random.set_state((kind, arrays["random.numpy"], place, has_gauss, cached))  # noqa: NPY002 - theirs is global
-    torch.set_rng_state(torch.from_numpy(arrays["random.torch"].copy()))
-    model.action_space.np_random.bit_generator.state = values["random"]["action_space"]
+    kind, place, has_gauss, cached = drawn.numpy
+    keys = _like(arrays, "random.numpy", np.empty(624, np.uint32))
+    np.random.set_state((kind, keys, place, has_gauss, cached))  # noqa: NPY002 - theirs is global
+    torch.set_rng_state(torch.from_numpy(_torch_state(arrays)))
+    if (generator := generator_from(drawn.action_space)) is None:
+        raise ValueError("`action_space` should be a state of numpy's PCG64")
+    model.action_space.np_random.bit_generator.state = generator.bit_generator.state
     for name in _NOISE_MATRICES:
         if f"noise.{name}" in arrays:
-            setattr(_distribution(model), name, torch.from_numpy(arrays[f"noise.{name}"].copy()))
+            present = getattr(_distribution(model), name)
+            found = _like(arrays, f"noise.{name}", None if present is None else _copied(present))
+            setattr(_distribution(model), name, torch.from_numpy(found))
+
+
+@schema.record
+class _RandomStates:
+    """The generators of Python, NumPy and the action space; what else there is of them are arrays."""
+
+    python: tuple[Literal[3], float | None]
+    numpy: tuple[Literal["MT19937"], Annotated[int, Field(ge=0, le=624)], Literal[0, 1], float]
+    """Kind, place in the key, whether a second normal number is cached, and that number."""
+    action_space: JsonObject
+
+
+def _torch_state(arrays: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the state of torch's generator; it has a place in a key too, which torch bounds one by one only."""
+    import torch
+
+    found = _like(arrays, "random.torch", torch.get_rng_state().numpy())
+    left, place = int(found[8:12].view(np.int32)[0]), int(found[16:24].view(np.uint64)[0])
+    if not (1 <= left <= 624 and place + left <= 625):
+        raise ValueError(f"`random.torch`: place {place} with {left} left in a key of 624 numbers")
+    return found
 
 
 def restore_log(logger: Any, state: ResumeState) -> None:
@@ -174,12 +208,33 @@ def _distribution(model: Any) -> Any:
 
 def _variables(model: Any) -> dict[str, Any]:
     """Return the tensors that a model learns outside its networks, such as SAC's entropy coefficient."""
-    found = {}
-    for name in model._get_torch_save_params()[1]:
-        found[name] = model
-        for piece in name.split("."):
-            found[name] = getattr(found[name], piece)
-    return found
+    return {name: operator.attrgetter(name)(model) for name in model._get_torch_save_params()[1]}
+
+
+def _optimisers(model: Any) -> dict[str, Any]:
+    named = {name: operator.attrgetter(name)(model) for name in model._get_torch_save_params()[0]}
+    return {name: one for name, one in named.items() if hasattr(one, "param_groups")}
+
+
+def _group_settings(optimiser: Any) -> list[dict[str, Any]]:
+    return [{name: one for name, one in group.items() if name != "params"} for group in optimiser.param_groups]
+
+
+def _check_optimisers(model: Any, settings: dict[str, list[dict[str, Any]]]) -> None:
+    """Refuse what torch took into its optimisers unseen: settings of other kinds, moments of other shapes."""
+    for name, optimiser in _optimisers(model).items():
+        for had, has in zip(settings[name], _group_settings(optimiser), strict=True):
+            for key in had.keys() | has.keys():
+                if _kind(had.get(key)) != _kind(has.get(key)):
+                    raise ValueError(f"`{key}` of {name} should be like {had.get(key)}, but is {shown(has.get(key))}")
+        for parameter, moments in optimiser.state.items():
+            if any(_kind(one) is not float and one.shape not in ((), parameter.shape) for one in moments.values()):
+                raise ValueError(f"{name} holds moments of another shape than the weights, {tuple(parameter.shape)}")
+
+
+def _kind(value: Any) -> Any:
+    """Return what tells kinds of settings apart; whole numbers may stand for others."""
+    return float if type(value) is int else tuple(map(_kind, value)) if isinstance(value, tuple) else type(value)
 
 
 def _buffer_arrays(buffer: Any) -> dict[str, np.ndarray]:

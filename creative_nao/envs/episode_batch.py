@@ -442,11 +442,11 @@ class EpisodeBatch:
 
     def set_state(self, env_id: int, values: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
         """Restore what `get_state` returned; the errors are those of `MemorySet.named` and `RolloutBatch.set_state`."""
-        if values["n_imagined"] > self.n_imagined:
-            raise SettingsError(
-                f"`state`: its `n_imagined` should be at most {self.n_imagined}, which may be imagined here, "
-                f"but is {values['n_imagined']}"
-            )
+        for name, most in (("n_imagined", self.n_imagined), ("n_actions", self.n_actions)):
+            if values[name] > most:
+                raise SettingsError(
+                    f"`state`: its `{name}` should be at most {most}, the budget here, but is {values[name]}"
+                )
         self._use(env_id, self.memories.named(values["memory"], "`state`"))
         self.n_done[env_id], self.n_imagined_done[env_id] = values["n_actions"], values["n_imagined"]
         self.observations.set_vector(env_id, arrays["observation"])

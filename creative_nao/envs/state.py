@@ -5,19 +5,30 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.errors import FileFormatError, SettingsError, shown
 from creative_nao.model.config import check_kind
-from creative_nao.schema import JsonObject, Text, dump, parse, record
+from creative_nao.schema import Field, JsonObject, Text, dump, must, parse, record
 
 KIND = "environment-state"
 MAX_COUNT = 10**9
-MAX_NUMBER = 1e9
-"""Largest number of a state; MuJoCo calls 1e10 unstable."""
+MAX_NUMBER = 1e6
+"""Largest number of a state, where `_RANGES` says nothing else; MuJoCo calls 1e10 unstable."""
+MAX_ANGLE = 1e3
+"""Largest joint angle of a movement [rad]."""
+_ANGLES = ("accepted", "unfolded", "posture", "candidate_trajectory")
+_RANGES = {
+    **dict.fromkeys(("observation", "pb_path", "candidate_pb"), (-1.0, 1.0)),
+    **dict.fromkeys(_ANGLES, (-MAX_ANGLE, MAX_ANGLE)),
+    **dict.fromkeys(("novelty", "pair_sum"), (0.0, 1e9)),
+    "network_code": (0.0, 1.01),  # a softmax and a tanh, whose last bits are rounded
+    "network_activity": (-1.01, 1.01),
+}
+"""Least and largest number of each array of a state."""
 NETWORK_ARRAYS = ("network_code", "network_state", "network_activity")
 """Arrays whose size depends on the memory that a state names."""
 _GROWING = ("accepted", "novelty")
@@ -82,9 +93,11 @@ class EnvState:
                     f"`state`: its array `{name}` should be {example.dtype} of shape {shape}, but is {array.dtype} of "
                     f"{array.shape}"
                 )
-            if array.dtype.kind == "f" and array.size and not np.abs(array).max() <= MAX_NUMBER:
+            low, high = _RANGES.get(name, (-MAX_NUMBER, MAX_NUMBER))
+            if array.size and not (low <= array.min() and array.max() <= high):  # false for NaN, too
                 raise SettingsError(
-                    f"`state`: its array `{name}` should hold numbers of at most {MAX_NUMBER:g}, but does not"
+                    f"`state`: its array `{name}` should hold numbers from {low:g} to {high:g}, but reaches from "
+                    f"{array.min():g} to {array.max():g}"
                 )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -103,6 +116,25 @@ class EnvState:
         return cls(header.of, {"n_imagined": 0, **header.values}, arrays)  # states of 0.1.0 count none
 
 
+_Bits128 = Annotated[int, must(lambda number: 0 <= number < 2**128, "a whole number from 0 to 2^128 - 1")]
+
+
+@record
+class _Words:
+    state: _Bits128
+    inc: Annotated[_Bits128, must(lambda number: number % 2, "an odd number")]
+
+
+@record
+class _GeneratorState:
+    """A state of numpy's PCG64, as its `state` tells it."""
+
+    bit_generator: Literal["PCG64"]
+    state: _Words
+    has_uint32: Annotated[int, Field(ge=0, le=1)]
+    uinteger: Annotated[int, Field(ge=0, lt=2**32)]
+
+
 def generator_state(rng: np.random.Generator | None) -> dict[str, Any] | None:
     """Return the state of a generator as JSON-able values."""
     return None if rng is None else dict(rng.bit_generator.state)
@@ -112,9 +144,7 @@ def generator_from(state: dict[str, Any] | None) -> np.random.Generator | None:
     """Return a generator in this state; what is no state of Gymnasium's generator raises SettingsError."""
     if state is None:
         return None
+    found = parse(_GeneratorState, state, "`state`: its state of numpy's PCG64", error=SettingsError)
     bits = np.random.PCG64()
-    try:
-        bits.state = state  # pyright: ignore[reportAttributeAccessIssue]
-    except (TypeError, ValueError, KeyError, OverflowError, AttributeError) as error:
-        raise SettingsError(f"`state` should hold a state of numpy's PCG64, but does not: {error}") from error
+    bits.state = dump(found)  # pyright: ignore[reportAttributeAccessIssue]
     return np.random.Generator(bits)

@@ -1,6 +1,8 @@
 """Training: decided by its seed, resumable bit for bit, never on test memories; bundles replay their score."""
 
 import dataclasses
+import json
+import re
 import threading
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 from creative_nao.agents import BundleHeader, TrainedPolicy, load_agent, make_agent, save_bundle
 from creative_nao.agents.bundle import replay
 from creative_nao.agents.play import evaluate_agent, evaluate_policy
-from creative_nao.agents.resume import KIND, PRIVATE_NAMES, load_checkpoint, save_checkpoint
+from creative_nao.agents.resume import KIND, PRIVATE_NAMES, ResumeState, load_checkpoint, restore, save_checkpoint
 from creative_nao.agents.settings import AUGMENTATION, CELL_POLICY, CELL_SAC_POLICY, check_entry
 from creative_nao.agents.training import TrainingPlan, make_model, train_agent
 from creative_nao.arrays import load_tensors, save_tensors
@@ -159,6 +161,79 @@ def test_a_damaged_checkpoint_is_named(trained, tmp_path):
     save_tensors(path, kind=KIND, header=header, tensors=arrays)
     with pytest.raises(FileFormatError, match="training state: its environments do not fit this training"):
         train_agent(plan("ppo"), checkpoint=path, resume=True)
+
+
+def torch_place(place, left):
+    def change(values, arrays):
+        arrays["random.torch"][8:12] = np.array([left], np.int32).view(np.uint8)
+        arrays["random.torch"][16:24] = np.array([place], np.uint64).view(np.uint8)
+
+    return change
+
+
+def groups(values):
+    """Return the settings of the optimiser as the checkpoint packs them: a list of pairs."""
+    packed = dict(values["parameters"]["items"])["policy.optimizer"]
+    return dict(packed["items"])["param_groups"]["list"][0]["items"]
+
+
+def moments_of_another_shape(values, arrays):
+    name = next(name for name in sorted(arrays) if name.endswith("exp_avg") and arrays[name].ndim == 2)
+    arrays[name] = arrays[name][:, :1]
+
+
+def pcg(**changes):
+    return lambda v, a: v["random"]["action_space"].update(changes)
+
+
+WILD = {
+    "numpy's place": lambda v, a: v["random"]["numpy"].__setitem__(1, 10**9),
+    "numpy's place, just beyond": lambda v, a: v["random"]["numpy"].__setitem__(1, 625),
+    "numpy's place, negative": lambda v, a: v["random"]["numpy"].__setitem__(1, -1),
+    "numpy's kind": lambda v, a: v["random"]["numpy"].__setitem__(0, "PCG64"),
+    "numpy's key": lambda v, a: a.update({"random.numpy": a["random.numpy"][:-1]}),
+    "numpy's key of another type": lambda v, a: a.update({"random.numpy": a["random.numpy"].astype(np.uint64)}),
+    "Python's place": lambda v, a: a["random.python"].__setitem__(624, 10**6),
+    "Python's key": lambda v, a: a.update({"random.python": a["random.python"][:100]}),
+    "torch's place": torch_place(625, 1),
+    "torch's place and rest": torch_place(624, 624),
+    "torch's rest": torch_place(0, -5),
+    "torch's state": lambda v, a: a.update({"random.torch": a["random.torch"][:100]}),
+    "PCG64's state": pcg(state={"state": 2**128, "inc": 1}),
+    "PCG64's state, negative": pcg(state={"state": -1, "inc": 1}),
+    "PCG64's increment": pcg(state={"state": 1, "inc": 2}),
+    "PCG64's half": pcg(uinteger=2**32),
+    "PCG64's flag": pcg(has_uint32=7),
+    "PCG64's kind": pcg(bit_generator="MT19937"),
+    "the last observation": lambda v, a: a["last_obs"].__setitem__((0, 0), 1e9),
+    "the number of copies": lambda v, a: a.update(last_obs=a["last_obs"][:1]),
+    "an observation of an environment": lambda v, a: a["env.0.observation"].__setitem__(0, 1e9),
+    "moments of an optimiser": moments_of_another_shape,
+    "a counter": lambda v, a: v.update(num_timesteps=10**18),
+    "settings of an optimiser": lambda v, a: groups(v)[0].__setitem__(1, {"value": "fast"}),  # last: it stays in
+}  # fmt: skip
+
+
+def test_a_wild_number_of_a_checkpoint_reaches_no_library(trained, attempt):
+    attempt("a checkpoint of an agent", "wild states of generators, optimisers, environments, counters",
+            "refused by the name of the part", len(WILD))  # fmt: skip
+    chosen = plan("ppo")
+    model = make_model(chosen.hyperparameters, ENV, seed=0, env_kwargs={"memory": "train"})
+    told = {}
+    for name, change in WILD.items():
+        state = load_checkpoint(trained[2], chosen.as_json())[1]
+        restore(model, state)
+        values, arrays = json.loads(json.dumps(state.values)), {key: one.copy() for key, one in state.arrays.items()}
+        change(values, arrays)
+        try:
+            restore(model, ResumeState(values, arrays))
+        except FileFormatError as error:
+            told[name] = str(error)
+    model.get_env().close()
+    assert list(told) == list(WILD)
+    assert [
+        one for one in told.values() if not re.match(r"training state: its .* do not fit this training: ", one)
+    ] == []
 
 
 @pytest.mark.parametrize("memory", ["test", "half/12"])
