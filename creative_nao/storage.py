@@ -201,10 +201,10 @@ MAX_YAML_BYTES = 2_000_000
 MAX_YAML_VALUES = 250_000  # scalars, lists and mappings of a YAML file, with its aliases written out
 
 
-def read_bytes(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> bytes:
+def read_bytes(path: Path, what: str, largest: int = MAX_TEXT_BYTES, *, follow: bool = True) -> bytes:
     """Return the content of a file of at most `largest` bytes; a larger one is refused before a byte of it is read.
 
-    `what` says in messages what it should be: ``suite``.
+    `what` says in messages what it should be: ``suite``. A link is refused unless told to `follow`.
 
     Raises:
         NotFoundError: If there is no such file.
@@ -213,7 +213,7 @@ def read_bytes(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> bytes:
     if not os.path.isfile(path):  # unlike `Path.is_file`, says no to a name that is too long
         raise NotFoundError(f"no {what} at {path}")
     try:
-        with open_plain(path) as stream:
+        with open_plain(path, follow=follow) as stream:
             size = os.fstat(stream.fileno()).st_size
             content = b"" if size > largest else stream.read(largest + 1)
     except OSError as error:

@@ -8,10 +8,12 @@ and only the test memories, which play no part here, tell how good it is.
 from __future__ import annotations
 
 import math
+import os
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from creative_nao.agents.base import load_extra
 from creative_nao.agents.settings import (
@@ -23,9 +25,19 @@ from creative_nao.agents.settings import (
     read_hyperparameters,
 )
 from creative_nao.agents.training import TrainingPlan, train_agent
-from creative_nao.errors import SettingsError
-from creative_nao.schema import Count, Index, LongText, Text, record
-from creative_nao.storage import write_text
+from creative_nao.errors import FileFormatError, SettingsError
+from creative_nao.schema import Count, Field, Index, LongText, Text, parse, record
+from creative_nao.storage import read_bytes, write_bytes, write_text
+
+MAX_JOURNAL_BYTES, MAX_JOURNAL_LINES = 8_000_000, 50_000
+"""Of a study: some thousand trials."""
+
+
+@record(closed=False)
+class _Operation:
+    """A line of a journal, which Optuna reads."""
+
+    op_code: Annotated[int, Field(ge=0, le=20)]
 
 
 @record
@@ -80,6 +92,7 @@ def tune(
     Raises:
         MissingDependencyError: If Optuna is not installed.
         SettingsError: If there is a study already and `resume` is not set, or it is of another plan.
+        FileFormatError: If the study is a link, too large, or none of this command.
     """
     import yaml
 
@@ -87,17 +100,20 @@ def tune(
     known = find_algorithm(plan.algorithm)
     start = read_hyperparameters(known.name, plan.env, plan.conf_file).replace(n_timesteps=plan.n_timesteps)
     journal = out / "study.journal"
-    if journal.exists() and not resume:
+    if os.path.lexists(journal) and not resume:
         raise SettingsError(f"{journal} is left from an earlier search; go on from it with --resume, or remove it")
     out.mkdir(parents=True, exist_ok=True)
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    journal_storage = optuna.storages.JournalStorage(optuna.storages.journal.JournalFileBackend(str(journal)))
-    study = optuna.create_study(storage=journal_storage, study_name="tuning", direction="maximize", load_if_exists=True)
     about = {"start": start.as_zoo(), "algorithm": known.name}
     about |= {name: getattr(plan, name) for name in ("env", "seed", "n_judged_seeds")}
-    kept = study.user_attrs.get("about", about)
-    named = {name: RELEASED_NAMES.get(str(value), value) for name, value in kept["start"].items()}
-    if {**kept, "start": named} != about:
+    study = _open_study(optuna, journal, start)
+    try:
+        kept = study.user_attrs.get("about", about)
+        named = {name: RELEASED_NAMES.get(str(value), value) for name, value in kept["start"].items()}
+        is_same = {**kept, "start": named} == about
+    except (KeyError, TypeError, AttributeError) as error:
+        raise FileFormatError(f"{journal}: not a study of this command: `about` is of another kind") from error
+    if not is_same:
         raise SettingsError(f"{journal} is a search with other settings; give the same ones to go on, or another --out")
     study.set_user_attr("about", about)
 
@@ -123,6 +139,31 @@ def tune(
     )
     write_text(path, f"{head}\n{text}")
     return TuningResult(path, len(complete), complete[0].value, study.best_value, dict(best.params))
+
+
+def _open_study(optuna: Any, journal: Path, start: Hyperparameters) -> Any:
+    """Return the study in a journal, or a new one; what Optuna is given is a plain file of bounded JSON lines."""
+    if os.path.lexists(journal):
+        content = read_bytes(journal, "journal of a study", MAX_JOURNAL_BYTES, follow=False)
+        lines = content.splitlines(keepends=True)
+        if lines and not lines[-1].endswith(b"\n"):
+            lines.pop()  # what a killed search was about to write
+        if len(lines) > MAX_JOURNAL_LINES:
+            raise FileFormatError(f"{journal}: has {len(lines)} lines, expected at most {MAX_JOURNAL_LINES}")
+        for number, line in enumerate(lines, start=1):
+            parse(_Operation, line, f"{journal}: line {number}")
+        write_bytes(journal, b"".join(lines))  # a file of its own, whoever else had hold of the old one
+    try:
+        backend = optuna.storages.JournalStorage(optuna.storages.journal.JournalFileBackend(str(journal)))
+        study = optuna.create_study(storage=backend, study_name="tuning", direction="maximize", load_if_exists=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # a value out of its range
+            for trial in study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.COMPLETE,)):
+                if trial.params:
+                    suggest(optuna.trial.FixedTrial(trial.params), start)
+    except Exception as error:  # whatever Optuna says to a stranger's journal
+        raise FileFormatError(f"{journal}: not a study of this command: {type(error).__name__}: {error}") from error
+    return study
 
 
 def suggest(trial: Any, start: Hyperparameters) -> Hyperparameters:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import stat
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -77,7 +78,7 @@ def open_folder(
         way = "choose another folder" if filled else "leave out --resume to start there"
         raise NotFoundError(f"nothing to resume in {folder}: it has no {RECORD}; {way}")
     found = read_record(folder)
-    refuse_links(folder)
+    only_plain_files(folder)
     if difference := _difference(found, fresh):
         raise SettingsError(f"{folder} {difference}; choose another folder")
     return found
@@ -103,14 +104,21 @@ def _difference(found: dict[str, Any], fresh: dict[str, Any]) -> str | None:
     return None
 
 
-def refuse_links(folder: Path) -> None:
-    """Refuse a folder with links in it: what writes there could be led to files elsewhere.
+def only_plain_files(folder: Path) -> None:
+    """Refuse a folder that holds more than files and folders.
+
+    Through a link what writes there could be led to files elsewhere; a pipe or a device would be waited for.
 
     Raises:
-        SettingsError: Naming the first link.
+        SettingsError: Naming the first of them.
     """
-    if links := sorted(path for path in folder.rglob("*") if path.is_symlink()):
-        raise SettingsError(f"{links[0]} is a link: a run that is continued writes into its own folder only; remove it")
+    for path in sorted(folder.rglob("*")):
+        kind = path.lstat().st_mode
+        if not (stat.S_ISREG(kind) or stat.S_ISDIR(kind)):
+            what = "a link" if stat.S_ISLNK(kind) else "no plain file"
+            raise SettingsError(
+                f"{path} is {what}: a run that is continued reads and writes plain files of its own folder; remove it"
+            )
 
 
 def read_record(folder: Path) -> dict[str, Any]:

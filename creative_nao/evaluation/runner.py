@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 from creative_nao import __version__, storage
+from creative_nao.arrays import MAX_FILE_BYTES
 from creative_nao.errors import CreativeNaoError, MissingDependencyError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import PARENT, Job, read_result, write_result, write_spec
 from creative_nao.runtime import python_command, usable_cores
@@ -28,6 +29,8 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 POLL_S = 0.1
+END_BYTES = 8_000
+"""Of a log, in which its last line is looked for."""
 STOP_S = 5.0
 """How long a job's process may take to end when it is asked to."""
 CONNECT_S = 10.0
@@ -181,7 +184,8 @@ def start_process(job: Job, folder: Path, log: Path | None = None) -> subprocess
         log: File to which its output is added; else its output can be read from the process.
     """
     spec = write_spec(job, folder)
-    with contextlib.nullcontext(subprocess.PIPE) if log is None else open(log, "ab") as output:
+    pipe = contextlib.nullcontext(subprocess.PIPE)
+    with pipe if log is None else storage.open_plain(log, "ab", follow=False) as output:
         return subprocess.Popen(  # noqa: S603 - our own module, our own file
             python_command("creative_nao.evaluation.job_handlers", spec, folder),
             stdin=subprocess.DEVNULL,
@@ -262,13 +266,13 @@ class _LocalQueue(_Queue):
     def _last_line(self, job: Job) -> str:
         log, last = job.file(self.folder, ".log"), "it could say nothing, perhaps because its log cannot be written"
         with contextlib.suppress(OSError):
-            last = next(reversed(log.read_text(encoding="utf-8", errors="replace").strip().splitlines()), last)
+            last = next(reversed(storage.read_end(log, END_BYTES).strip().splitlines()), last)
         return f"{last} (log: {log})"
 
     def share(self, job: Job) -> float:
         # What the job reports, else what its expected duration suggests.
         try:
-            return float(job.file(self.folder, ".progress").read_text(encoding="utf-8"))
+            return min(1.0, max(0.0, float(storage.read_end(job.file(self.folder, ".progress"), 32))))
         except (OSError, ValueError):
             return min(0.9, (time.monotonic() - self.started[job.name]) / job.seconds)
 
@@ -318,7 +322,11 @@ def do_job(values: dict[str, Any], files: dict[str, bytes]) -> dict[str, Any]:
         result = read_result(job, folder)
         if process.returncode != 0 or result is None:
             raise RuntimeError(f"exit code {process.returncode}, {last}")
-        return {"result": result, "files": {path: (folder / path).read_bytes() for path in job.writes}}
+        return {"result": result, "files": _files(folder, job.writes)}
+
+
+def _files(folder: Path, paths: Sequence[str]) -> dict[str, bytes]:
+    return {path: storage.read_bytes(folder / path, "file of a job", MAX_FILE_BYTES) for path in paths}
 
 
 @dataclass(frozen=True)
@@ -380,7 +388,7 @@ class _DaskQueue(_Queue):
         return sum(worker["nthreads"] for worker in self.client.scheduler_info(n_workers=-1)["workers"].values())
 
     def submit(self, job: Job) -> Any:
-        files = {path: (self.folder / path).read_bytes() for path in job.reads}
+        files = _files(self.folder, job.reads)
         # `pure` would let the scheduler answer from another run's result of the same name.
         return self.client.submit(
             do_job, dataclasses.asdict(job), files, pure=False, retries=N_RETRIES, priority=int(job.seconds)

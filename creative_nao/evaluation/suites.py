@@ -41,6 +41,8 @@ MAX_EPISODES = 1_000_000
 MAX_FILE_BYTES = 200_000
 MAX_SHOWN = 3
 """Most memories that the report draws one by one."""
+MAX_NAMES = 1_000
+"""In each list of a suite."""
 PPO = "ppo"
 """The one agent that a suite trains itself, where it names it without a bundle."""
 
@@ -51,12 +53,13 @@ def slug(name: str) -> str:
 
 
 def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise ValueError(f"a list that has `{twice[0][:60]}` only once")
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"a list that has `{twice[:60]}` only once")
     return names
 
 
-_Names = Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_each_once)]
+_Names = Annotated[tuple[str, ...], Field(min_length=1, max_length=MAX_NAMES), AfterValidator(_each_once)]
 _Repeats = Annotated[int, Field(ge=1, le=10_000)]
 
 
@@ -79,7 +82,7 @@ BOXING = TaughtSet("boxing")
 class Taught:
     """Memories that are trained in the run folder first, on demonstrations other than the shipped ones."""
 
-    seeds: Annotated[tuple[Seed, ...], Field(min_length=1)]
+    seeds: Annotated[tuple[Seed, ...], Field(min_length=1, max_length=MAX_NAMES)]
     """Seed of the initial weights of each memory; the suite lists it as `taught/SEED`."""
     demonstrations: str | None = None
     """Folder of CSV recordings, a basic action each; None teaches the six boxing actions anew, by another hand."""
@@ -255,7 +258,7 @@ def suite_from_values(values: Mapping[str, Any], *, where: str) -> Suite:
         chosen["oracle_envs"] = [env for env in envs if env == MENTAL]
     if chosen.get("taught") is not None:
         chosen["taught"] = parse(Taught, chosen["taught"], f"{where}: `taught`", error=SettingsError)
-    if isinstance(names := chosen["memories"], list | tuple):
+    if isinstance(names := chosen["memories"], list | tuple) and len(names) <= MAX_NAMES:
         parts = [split_memories(part) if isinstance(part, str) and part in SPLITS else (part,) for part in names]
         named = [name for part in parts for name in part]
         taught = chosen["taught"].names if chosen.get("taught") is not None else ()
@@ -286,9 +289,9 @@ def _check_names(suite: Suite, where: str) -> None:
         except (SettingsError, NotFoundError) as error:
             raise type(error)(f"{where}: {error}") from error
     _check_envs(suite, where)
+    names = (*shipped_memories(None), *SPLITS)
     for memory in suite.memories:
-        if suite.taught_seed(memory) is None and memory not in shipped_memories(None) and not os.path.isfile(memory):
-            names = (*shipped_memories(None), *SPLITS)
+        if suite.taught_seed(memory) is None and memory not in names and not os.path.isfile(memory):
             raise NotFoundError(
                 f"{where}: no memory `{memory}`{nearest_name(memory, names)}: neither a file, a shipped name, nor a "
                 f"part of the bank ({', '.join(SPLITS)})"

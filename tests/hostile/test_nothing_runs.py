@@ -14,7 +14,7 @@ from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.cli import main
 from creative_nao.envs import EnvState
 from creative_nao.errors import FileFormatError, SettingsError
-from creative_nao.evaluation.run import refuse_links
+from creative_nao.evaluation.run import only_plain_files
 from creative_nao.evaluation.suites import read_suite
 from creative_nao.evaluation.verification import verify
 
@@ -74,10 +74,10 @@ def test_a_bundle_imports_nothing_unasked(flags, module, victims, tmp_path, caps
 
 def test_a_run_folder_with_a_link_is_not_continued(tmp_path):
     (tmp_path / "run" / "jobs").mkdir(parents=True)
-    refuse_links(tmp_path / "run")
+    only_plain_files(tmp_path / "run")
     (tmp_path / "run" / "jobs" / "a.log").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(SettingsError, match=r"a\.log is a link"):
-        refuse_links(tmp_path / "run")
+        only_plain_files(tmp_path / "run")
 
 
 STATES = {

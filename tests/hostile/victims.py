@@ -81,6 +81,7 @@ READERS = {
 """Modules that call a reader of `storage`, `arrays` or `schema`, and the kinds that try them."""
 
 OWN_FILES = {
+    "creative_nao/agents/tuning.py": "the journal of a study, which `test_special_files.py` tries",
     "creative_nao/maps/figure_style.py": "pictures it has just drawn",
     "creative_nao/cli/dispatch.py": "the null device",
     "creative_nao/cli/doctor.py": "/proc/meminfo",
