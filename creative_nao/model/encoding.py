@@ -10,7 +10,7 @@ from creative_nao.demonstrations import Demonstrations
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.model.config import NetworkSettings
 
-MIN_SPAN_RAD = 1e-9  # a joint that moves less does not move: its reference angles could not be told apart
+MIN_SPAN_RAD = 1e-9  # a joint that moves less is still: all its references are the one angle that it keeps
 TARGET_FLOOR = 1e-12  # smallest target probability, so that its logarithm is finite
 
 
@@ -20,14 +20,14 @@ class SoftmaxEncoding:
     The references of a joint run from its smallest to its largest angle in the demonstrations. `sigma` is in units of
     the squared spacing of those references (docs/decisions.md says why) or, with ``sigma_unit="rad2"``, in rad^2. The
     code is lossy near the ends of the range: with ten units and sigma 0.5, the end of a 2 rad range decodes 0.03 rad
-    short.
+    short. A joint that never moves has one angle as every reference: its code is even, and it decodes to that angle.
 
     Args:
-        low, high: Smallest and largest angle of each joint [rad], shape (n_joints,), `high` greater than `low`.
+        low, high: Smallest and largest angle of each joint [rad], shape (n_joints,).
         n_units, sigma, sigma_unit: As `n_softmax_units`, `sigma` and `sigma_unit` of `NetworkSettings`.
 
     Raises:
-        SettingsError: If a joint has no range.
+        SettingsError: If `low` and `high` do not fit.
 
     Example:
         >>> encoding = SoftmaxEncoding(low=[-1.0], high=[1.0], n_units=3, sigma=0.5)
@@ -51,16 +51,15 @@ class SoftmaxEncoding:
             raise SettingsError(
                 f"`low` and `high` should both have shape (n_joints,), but have {self.low.shape} and {self.high.shape}"
             )
-        still = np.flatnonzero(~(self.high > self.low))
-        if still.size:
-            raise SettingsError(
-                f"joint {still[0]} does not move in the demonstrations: its angles reach from {self.low[still[0]]} to "
-                f"{self.high[still[0]]} rad, so its reference angles would coincide"
-            )
+        if not (self.high >= self.low).all():
+            raise SettingsError("`high` should be at least `low` for each joint, but is not")
         self.n_units = n_units
-        self.references = np.linspace(self.low, self.high, n_units, axis=1)  # (n_joints, n_units)
+        still = self.high - self.low <= MIN_SPAN_RAD
+        ends = (np.where(still, (self.low + self.high) / 2, end) for end in (self.low, self.high))
+        self.references = np.linspace(*ends, n_units, axis=1)  # (n_joints, n_units)
         spacing = self.references[:, 1] - self.references[:, 0]
         self._width = sigma * spacing**2 if sigma_unit == "spacing2" else np.full_like(spacing, sigma)
+        self._width[still] = 1.0  # every unit of such a joint has the same reference, so its code is even
 
     @property
     def n_joints(self) -> int:
@@ -105,16 +104,11 @@ class SoftmaxEncoding:
 def encoding_of(demonstrations: Demonstrations, network: NetworkSettings) -> SoftmaxEncoding:
     """Return the softmax code whose references span each joint's range in the demonstrations (Eq. 6).
 
-    A joint that does not move in any demonstration is a SettingsError.
+    Demonstrations in which no joint moves are a SettingsError.
     """
     angles = np.concatenate(demonstrations.trajectories)
-    spans = np.ptp(angles, axis=0)
-    still = [joint for joint, span in zip(demonstrations.joints, spans, strict=True) if not span > MIN_SPAN_RAD]
-    if still:
-        raise SettingsError(
-            f"{', '.join(still)} never moves in the demonstrations; leave the joint out or let it move, "
-            "since the softmax code spans its range"
-        )
+    if not (np.ptp(angles, axis=0) > MIN_SPAN_RAD).any():
+        raise SettingsError(f"the demonstrations should move, but {', '.join(demonstrations.joints)} never moves")
     return SoftmaxEncoding(
         angles.min(axis=0), angles.max(axis=0), network.n_softmax_units, network.sigma, network.sigma_unit
     )

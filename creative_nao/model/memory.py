@@ -299,7 +299,7 @@ def _demonstrations(path: Path, header: MemoryHeader, tensors: dict[str, np.ndar
     record = header.demonstrations_record
     try:
         demonstrations = Demonstrations(header.actions, trajectories, header.dt_s, header.joints, record)
-        encoding_of(demonstrations, header.network)  # raises where a joint does not move
+        encoding_of(demonstrations, header.network)  # raises where nothing moves
     except CreativeNaoError as error:
         raise FileFormatError(f"{path}: its demonstrations: {error}") from error
     return demonstrations

@@ -56,6 +56,13 @@ def test_a_wrong_number_of_joints_is_named():
         SoftmaxEncoding([0, 0], [1, 1]).encode(np.zeros((5, 3)))
 
 
-def test_a_joint_without_range_is_named():
-    with pytest.raises(SettingsError, match="joint 1 does not move"):
-        SoftmaxEncoding([0.0, 0.5], [1.0, 0.5])
+@pytest.mark.parametrize("sigma_unit", ["spacing2", "rad2"])
+@pytest.mark.parametrize("span", [0.0, 1e-10])
+def test_a_joint_without_range_has_an_even_code_and_keeps_its_angle(sigma_unit, span):
+    encoding = SoftmaxEncoding([0.0, 0.5], [1.0, 0.5 + span], sigma_unit=sigma_unit)
+    code = encoding.encode([[0.2, 0.5], [0.9, 1.7]]).reshape(2, 2, 10)
+
+    assert np.array_equal(code[:, 1], np.full((2, 10), 0.1))
+    np.testing.assert_allclose(encoding.decode(code.reshape(2, 20))[:, 1], 0.5 + span / 2, rtol=1e-15)
+    with pytest.raises(SettingsError, match="`high` should be at least `low`"):
+        SoftmaxEncoding([0.0, 0.5], [1.0, 0.4])

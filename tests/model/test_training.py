@@ -3,7 +3,7 @@ import threading
 import numpy as np
 import pytest
 
-from creative_nao import train
+from creative_nao import load_memory, train
 from creative_nao.demonstrations import Demonstrations
 from creative_nao.errors import FileFormatError, SettingsError, TrainingError
 from creative_nao.model import NetworkSettings, TrainingSettings, train_network
@@ -130,9 +130,16 @@ def test_bad_sizes_are_named(settings, message):
         NetworkSettings(**settings)
 
 
-def test_a_joint_that_never_moves_is_named(waves):
+@pytest.mark.parametrize("engine", ["fused", "reference"])
+def test_a_joint_that_never_moves_is_learned_as_still(waves, engine, tmp_path):
     still = [t * np.array([1.0, 0.0]) + np.array([0.0, 0.5]) for t in waves.trajectories]
     demos = Demonstrations(waves.names, still, waves.dt_s, waves.joints)
+    trained = train(demos, n_epochs=3, network=NetworkSettings(layer_sizes=(6,), time_constants=(2.0,)), engine=engine)
+    memory = load_memory(trained.save(tmp_path / "still.safetensors"))
+    made = memory.generate(np.random.default_rng(0).uniform(-1, 1, (20, 2)))
 
-    with pytest.raises(SettingsError, match="RElbowRoll never moves in the demonstrations"):
-        train(demos, n_epochs=1)
+    assert np.isfinite(made).all()
+    assert np.ptp(made[..., 0]) > 1e-3
+    assert np.abs(made[..., 1] - 0.5).max() < 1e-6
+    with pytest.raises(SettingsError, match="should move, but RShoulderPitch, RElbowRoll never moves"):
+        train(Demonstrations(("a",), [np.tile([0.5, 0.5], (5, 1))], waves.dt_s, waves.joints), n_epochs=1)
