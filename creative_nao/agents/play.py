@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, NamedTuple
 
 import gymnasium as gym
@@ -183,13 +183,19 @@ def evaluate_agent(
                 for step in play_episode(agent, env, seed=seed, rng=np.random.default_rng(seed)):
                     rewards.append(step.reward)
                     info = step.info
-                measures = {name: info.get("episode_measures", {}).get(name) for name in MEASURES}
+                measures = told_measures(info)
                 episodes.append(PlayedEpisode(memory, seed, math.fsum(rewards), **measures))
                 if progress is not None:
                     progress(len(episodes))
         finally:
             env.close()
     return tuple(episodes)
+
+
+def told_measures(info: Mapping[str, Any]) -> dict[str, float | None]:
+    """Return the `MEASURES` that the last `info` of an episode tells; None for what is missing or NaN."""
+    found = {name: info.get("episode_measures", {}).get(name) for name in MEASURES}
+    return {name: None if value is None or math.isnan(value) else float(value) for name, value in found.items()}
 
 
 def evaluate_policy(

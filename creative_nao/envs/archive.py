@@ -18,6 +18,9 @@ LANES = 8
 INITIAL_LANES = 40
 """Lanes that an archive has at first: six basic actions and an episode of thirty fit."""
 
+MEASURES = ("appropriateness_pct", "novelty", "diversity")
+"""The paper's three measures of an episode, as `RepertoireArchive.measures` names them."""
+
 
 @compiled()
 def _compare_kernel(env_ids, trajectories, known, n_steps, sizes, out):

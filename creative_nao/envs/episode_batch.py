@@ -12,6 +12,7 @@ import numpy as np
 
 from creative_nao.envs.archive import RepertoireArchive
 from creative_nao.envs.executors import (
+    NO_FIGURES,
     Execution,
     PhysicsExecutor,
     SharedScene,
@@ -423,9 +424,23 @@ class EpisodeBatch:
             rows=rows,
         )
 
-    def measures(self, env_id: int) -> dict[str, float | None]:
-        """Return the paper's three measures of an episode so far; see `RepertoireArchive.measures`."""
-        return self.archive.measures(env_id, int(self.n_done[env_id]))
+    def measures(self, env_id: int) -> dict[str, float]:
+        """Return the paper's three measures of an episode so far, NaN for None; see `RepertoireArchive.measures`."""
+        found = self.archive.measures(env_id, int(self.n_done[env_id]))
+        return {name: np.nan if value is None else value for name, value in found.items()}
+
+    def blank_terms(self, env_ids: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the terms of `info` before a first movement, zeros and empty texts; {} if steps may be without one."""
+        if self.rollout is not None or self.candidates is not None:
+            return {}
+        m, movement = len(env_ids), (len(env_ids), self.memories.first.n_steps, self.archive.n_joints)
+        distances = np.zeros((m, self.archive.n_basic)), np.zeros(m, bool), np.zeros(m)
+        _, terms = self._judge(env_ids, np.zeros(movement), distances)
+        counts = dict.fromkeys(("step", "n_imagined", "repertoire_size"), np.zeros(m, np.int64))
+        terms |= {"pb": np.zeros((m, self.n_action)), **counts}
+        if self.executor is not None:
+            terms |= {"commanded": np.zeros(movement), **{k: np.array([v] * m) for k, v in NO_FIGURES.items()}}
+        return {k: np.full(v.shape, "", object) if v.dtype == object else np.zeros_like(v) for k, v in terms.items()}
 
     def get_state(self, env_id: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         """Return the state of one episode as JSON-able values and arrays, for `set_state`."""

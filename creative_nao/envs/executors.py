@@ -261,6 +261,13 @@ class PhysicsExecutor:
             self._show(self._ends[env_id])
 
 
+NO_FIGURES: dict[str, Any] = {
+    "tracking_error": 0.0, "torque_saturated": 0.0, "self_collision": 0.0, "fell": False, "hits": 0, "hit_impulse": 0.0,
+    "fist_speed": 0.0,
+}  # fmt: skip
+"""What `physics_figures` returns, of no movement."""
+
+
 def physics_figures(performance: Performance) -> dict[str, Any]:
     """Return the figures of a performance for `info` and physical maps, in the units of the page of `BoxingEnv`."""
     return {

@@ -8,17 +8,20 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.spaces import Box
 
+from creative_nao.envs.archive import MEASURES
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS, EpisodeBatch
 from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
 from creative_nao.envs.observation import CELLS, Parts
-from creative_nao.envs.spec import Specified
+from creative_nao.envs.spec import Specified, leave_text_as_it_is
 from creative_nao.envs.state import EnvState, generator_from, generator_state
 from creative_nao.envs.viewing import RENDER_MODES
 from creative_nao.errors import SettingsError, ShapeError, nearest_name
 from creative_nao.measures import Criteria
 from creative_nao.robot import PhysicalLimits
 from creative_nao.schema import Seed, checked
+
+leave_text_as_it_is()
 
 
 class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -130,17 +133,28 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
             options: ``{"memory": name}`` takes this memory of the split instead of drawing one.
 
         Returns:
-            The observation and an `info` with the name of the memory.
+            The observation and an `info` with the name of the memory; where each step is a movement also with what
+            `step` tells, zeros and empty texts.
 
         Raises:
             SettingsError: If the seed is none, or there is no such option.
             NotFoundError: If the memory in `options` is not of the split that the environment was made with.
         """
-        wanted = checked_options(options, ("memory",)).get("memory")
+        wanted = checked_options(options, ("memory", "minari_autoseed")).get("memory")
         super().reset(seed=checked(Seed | None, seed, "seed"))
         batch, env_id = self._batch, self._env_id
         batch.reset(env_id, wanted, lambda: self.np_random)
-        return batch.observations.vector(env_id), {"memory": batch.specs[env_id].name}
+        return batch.observations.vector(env_id), self._info(batch.blank_terms(self._env_ids), False)
+
+    def _info(self, terms: dict[str, np.ndarray], ended: bool) -> dict[str, Any]:
+        """Return terms of `info` as plain values, with those that `reset` and `step` have in common."""
+        batch, complete = self._batch, not (self._modulated or self._rehearsal)
+        info = _first(terms)
+        if complete or not terms:
+            info["memory"] = batch.specs[self._env_id].name
+        if complete or ended:
+            info["episode_measures"] = batch.measures(self._env_id) if ended else dict.fromkeys(MEASURES, 0.0)
+        return info
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Generate, execute and score the movement of a PB point; where the PB may change, its next five ticks.
@@ -163,9 +177,7 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         pb = checked_pb(action, self.action_space.shape)[None]
         rewards, terms, _, finished_terms = batch.step(self._env_ids, pb)
         truncated = bool(batch.ended(env_id))
-        info = _first({**terms, **finished_terms})
-        if truncated:
-            info["episode_measures"] = batch.measures(env_id)
+        info = self._info({**terms, **finished_terms}, truncated)
         if self.render_mode == "human":
             self.render()
         return batch.observations.vector(env_id), float(rewards[0]), False, truncated, info

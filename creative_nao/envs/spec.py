@@ -7,6 +7,7 @@ import json
 import os
 from typing import Any
 
+import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from creative_nao.errors import SettingsError
@@ -80,3 +81,23 @@ class Specified:
             if name != "max_episode_steps"
         }
         self._spec = EpisodeSpec(**values)
+
+
+def leave_text_as_it_is() -> None:
+    """Have Gymnasium's wrappers NumpyToTorch, JaxToTorch, ... leave texts in `info` as they are, which they refuse."""
+    try:
+        from gymnasium.wrappers.array_conversion import array_conversion
+    except Exception:  # Gymnasium's own error: array-api-compat is not installed, and so there are no such wrappers
+        return
+    numbers = array_conversion.dispatch(np.ndarray)
+
+    def convert(value: np.ndarray, xp: Any, device: Any = None) -> Any:
+        if value.dtype.kind not in "OU":
+            return numbers(value, xp, device)
+        converted = value.copy()
+        for place, one in np.ndenumerate(value):
+            converted[place] = array_conversion(one, xp, device)
+        return converted
+
+    array_conversion.register(np.ndarray, convert)
+    array_conversion.register(str, lambda value, *_, **__: value)

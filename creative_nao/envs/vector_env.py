@@ -13,6 +13,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from creative_nao.envs.archive import MEASURES
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS, EpisodeBatch
 from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
@@ -228,14 +229,17 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
                 f'options["reset_mask"] should be {self.num_envs} bools, at least one of them true, but is {mask!r:.80}'
             )
         env_ids = np.flatnonzero(mask)
-        infos = self._begin(env_ids, seeds, chosen)
+        infos = self._begin(env_ids, {}, seeds, chosen)
         return self._batch.observations.vectors(), infos
 
     def _begin(
-        self, env_ids: np.ndarray, seeds: Sequence[int | None] | None = None, options: Sequence[Any] | None = None
+        self,
+        env_ids: np.ndarray,
+        infos: dict[str, Any],
+        seeds: Sequence[int | None] | None = None,
+        options: Sequence[Any] | None = None,
     ) -> dict[str, Any]:
-        """Begin episodes with the seeds and options of all sub-environments; return their `info`."""
-        infos: dict[str, Any] = {}
+        """Begin episodes with the seeds and options of all sub-environments; return `infos` with theirs."""
         for k in env_ids.tolist():
             _, info = self.envs[k].reset(seed=seeds and seeds[k], options=options and options[k])
             infos = self._add_info(infos, info, k)
@@ -264,25 +268,37 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
                 f"the episodes of sub-environments {beginning.tolist()} have ended; begin them anew with "
                 'reset(options={"reset_mask": mask}), since `autoreset_mode` is disabled'
             )
-        infos = self._begin(beginning)
-        rewards, truncated = np.zeros(self.num_envs), np.zeros(self.num_envs, bool)
+        rewards, truncated, infos = np.zeros(self.num_envs), np.zeros(self.num_envs, bool), {}
         if len(env_ids):
             rewards[env_ids], terms, finished, finished_terms = batch.step(env_ids, pb[env_ids])
             truncated[env_ids] = batch.ended(env_ids)
+            if not (self.single_class._modulated or self.single_class._rehearsal):  # all terms in every step
+                terms["memory"] = np.array([batch.specs[env_id].name for env_id in env_ids], object)
             parts = [(env_ids, terms), (env_ids[finished], finished_terms)]
             if self.autoreset_mode is AutoresetMode.SAME_STEP and truncated.any():
-                infos |= self._end_and_begin(parts, truncated)
+                infos = self._end_and_begin(parts, truncated)
             else:
-                infos |= self._infos(parts, np.ones(self.num_envs, bool))
-                infos = self._with_measures(infos, truncated)
+                infos = self._infos(parts, ~ended, truncated)
+        infos = self._begin(beginning, infos)
         return batch.observations.vectors(), rewards, np.zeros(self.num_envs, bool), truncated, infos
 
-    def _infos(self, parts: list[tuple[np.ndarray, dict[str, np.ndarray]]], chosen: np.ndarray) -> dict[str, Any]:
+    def _infos(
+        self, parts: list[tuple[np.ndarray, dict[str, np.ndarray]]], chosen: np.ndarray, truncated: np.ndarray
+    ) -> dict[str, Any]:
         """Return the terms of a step as `infos`, those of the `chosen` sub-environments only, (num_envs,) of bool."""
         infos: dict[str, Any] = {}
         for env_ids, terms in parts:
             rows = np.flatnonzero(chosen[env_ids])
             infos |= _vector_info(self.num_envs, env_ids[rows], {name: values[rows] for name, values in terms.items()})
+        told = chosen if "memory" in infos else chosen & truncated
+        if told.any():
+            found = {env_id: self._batch.measures(env_id) for env_id in np.flatnonzero(chosen & truncated).tolist()}
+            of_all = {name: np.zeros(self.num_envs) for name in MEASURES}
+            for env_id, measures in found.items():
+                for name, value in measures.items():
+                    of_all[name][env_id] = value
+            masks = {f"_{name}": told.copy() for name in MEASURES}
+            infos |= {"episode_measures": of_all | masks, "_episode_measures": told.copy()}
         return infos
 
     def _end_and_begin(
@@ -290,18 +306,13 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
     ) -> dict[str, Any]:
         """Begin the episodes that have ended; return `infos` with `final_obs` and `final_info` of their ends."""
         ended = np.flatnonzero(truncated)
-        infos = self._infos(parts, ~truncated)
+        infos = self._infos(parts, ~truncated, truncated)
         final = np.empty(len(ended), object)
         final[:] = list(self._batch.observations.vectors()[ended])
         infos |= _vector_info(self.num_envs, ended, {"final_obs": final})
-        infos["final_info"] = self._with_measures(self._infos(parts, truncated), truncated)
+        infos["final_info"] = self._infos(parts, truncated, truncated)
         infos["_final_info"] = truncated.copy()
-        return infos | self._begin(ended)
-
-    def _with_measures(self, infos: dict[str, Any], ended: np.ndarray) -> dict[str, Any]:
-        for env_id in np.flatnonzero(ended).tolist():
-            infos = self._add_info(infos, {"episode_measures": self._batch.measures(env_id)}, env_id)
-        return infos
+        return self._begin(ended, infos)
 
     def render(self) -> tuple[Any, ...] | None:
         """Show what each sub-environment executed since the last call, as the single environment's `render` does."""

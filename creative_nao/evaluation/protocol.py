@@ -16,7 +16,7 @@ import numpy as np
 
 from creative_nao import storage
 from creative_nao.agents.base import Agent
-from creative_nao.agents.play import play_episode
+from creative_nao.agents.play import play_episode, told_measures
 from creative_nao.evaluation.statistics import seed_sequence
 from creative_nao.schema import record
 
@@ -115,16 +115,13 @@ def play(
                     **{name: info[name] for name in ("distance", "known_distance", "repertoire_size")},
                 )
             )
-    measures = info["episode_measures"]
     return Episode(
         agent=agent.name,
         env=env_id,
         memory=memory,
         seed=seed,
         actions=tuple(records),
-        appropriateness_pct=float(measures["appropriateness_pct"]),
-        novelty=measures["novelty"],
-        diversity=measures["diversity"],
+        **told_measures(info),
         seconds=time.perf_counter() - start,
     )
 

@@ -92,8 +92,35 @@ def test_an_episode_has_thirty_actions_and_ends_with_the_three_measures(name):
     assert [step[3] for step in steps] == [False] * (len(steps) - 1) + [True]
     assert not any(step[2] for step in steps)
     assert set(steps[-1][4]["episode_measures"]) == {"appropriateness_pct", "novelty", "diversity"}
-    assert "episode_measures" not in steps[-2][4]
+    assert not any(steps[-2][4].get("episode_measures", {}).values()), "zeros until then, or nothing"
     assert gym.make(name).unwrapped.n_actions == 30
+
+
+def kinds(info):
+    return {
+        name: kinds(value) if isinstance(value, dict) else (type(value), np.shape(value), np.asarray(value).dtype.kind)
+        for name, value in info.items()
+    }
+
+
+def test_where_each_step_is_a_movement_all_infos_are_alike(attempt, name):
+    """Minari and others store them as arrays; elsewhere the terms of a movement come with the movement."""
+    if not name.startswith((BOXING[:-1], MENTAL[:-1])):
+        return
+    attempt(
+        "infos", "recorded as arrays (Minari): keys, types and shapes of `reset` and `step`", "always the same", n=4
+    )
+    with gym.make(name, n_actions=3) as env:
+        infos = [found[-1] for found in play(env, 0, 3)]
+    assert all(kinds(info) == kinds(infos[0]) for info in infos)
+    assert {info["memory"] for info in infos} == {"half/0"}
+    assert infos[0]["outcome"] == ""
+
+
+def test_measures_that_are_none_are_nan_at_the_end():
+    with gym.make(MENTAL, n_actions=1) as env:
+        measures = play(env, 0, 1)[1][4]["episode_measures"]
+    assert np.isnan(measures["diversity"])
 
 
 def test_every_reward_term_is_in_info(env):
