@@ -110,7 +110,7 @@ def load(task: str = "boxing", **arguments: Any) -> composer.Environment:
     Args:
         task: A name of `TASKS`.
         arguments: Those of the task, for boxing those of `boxing_task.load`: `seed`, `control_step_s`, `time_limit_s`,
-            `start_noise_rad`.
+            `start_noise_rad`, `environment_kwargs`.
 
     Raises:
         NotFoundError: If there is no such task.

@@ -22,7 +22,7 @@ import creative_nao.robot  # noqa: F401 - it chooses how MuJoCo draws, which mus
 import mujoco
 import numpy as np
 
-from creative_nao.errors import MissingDependencyError, SettingsError
+from creative_nao.errors import MissingDependencyError, SettingsError, nearest_name
 from creative_nao.joints import JOINTS, N_JOINTS, limits
 from creative_nao.robot import opengl
 from creative_nao.robot.performance import has_fallen, tilt_rad
@@ -30,6 +30,8 @@ from creative_nao.robot.scene import BAG_FORCE, BAG_XML, NAO_XML, RING_XML, Scen
 from creative_nao.schema import NonNegative, Positive, checked
 
 try:
+    import dm_env
+
     try:
         from dm_control import _render
     except ModuleNotFoundError:
@@ -45,6 +47,7 @@ try:
     from dm_control.composer import define
     from dm_control.composer.observation import observable
     from dm_control.mujoco import engine
+    from dm_control.rl import control
     from dm_env import specs
 except ModuleNotFoundError as error:
     if error.name not in ("dm_control", "dm_env"):
@@ -291,12 +294,48 @@ class BoxingTask(composer.Task):
         return has_fallen(torso[:, 2], tilt_rad(torso[:, 3:]))
 
 
+class BoxingEnvironment(composer.Environment):
+    """The ring as an environment of dm_control; with `flat` its observation is one array, `observations`."""
+
+    def __init__(self, task: BoxingTask, flat: bool, **settings: Any) -> None:
+        super().__init__(task, **settings)
+        self._flat = False
+        self.reset()  # composer compiles once more at the first reset; from here on the model stays
+        self._reset_next_step, self._flat = True, flat  # the first `step` begins an episode, as dm_env asks
+
+    def observation_spec(self) -> Any:
+        """Return what `reset` and `step` observe."""
+        spec = super().observation_spec()
+        if not self._flat:
+            return spec
+        size = sum(int(np.prod(one.shape)) for one in spec.values())
+        return {control.FLAT_OBSERVATION_KEY: specs.Array((size,), np.float64, control.FLAT_OBSERVATION_KEY)}
+
+    def reset(self) -> dm_env.TimeStep:
+        """Begin an episode."""
+        return self._flattened(super().reset())
+
+    def step(self, action: np.ndarray) -> dm_env.TimeStep:
+        """Go on by a control step, or begin an episode after one has ended and at first."""
+        return super().step(action) if self._reset_next_step else self._flattened(super().step(action))
+
+    def _flattened(self, step: dm_env.TimeStep) -> dm_env.TimeStep:
+        return step._replace(observation=control.flatten_observation(step.observation)) if self._flat else step
+
+
+_ENVIRONMENT_KWARGS = (
+    "flat_observation", "raise_exception_on_physics_error", "strip_singleton_obs_buffer_dim", "max_reset_attempts",
+    "recompile_mjcf_every_episode", "fixed_initial_state", "delayed_observation_padding", "legacy_step",
+)  # fmt: skip
+
+
 def load(
     *,
     seed: int | None = None,
     control_step_s: float = CONTROL_STEP_S,
     time_limit_s: float = TIME_LIMIT_S,
     start_noise_rad: float = 0.0,
+    environment_kwargs: dict[str, Any] | None = None,
 ) -> composer.Environment:
     """Return the ring as a dm_control environment, like `suite.load`.
 
@@ -308,9 +347,11 @@ def load(
         control_step_s: Time between actions [s], a whole number of 5 ms physics steps.
         time_limit_s: Length of an episode [s].
         start_noise_rad: Randomness of the first posture [rad].
+        environment_kwargs: For `composer.Environment`; ``{"flat_observation": True}`` makes one array of what is
+            observed, as in dm_control's suite.
 
     Raises:
-        SettingsError: If a time is not usable or the noise negative.
+        SettingsError: If a time is not usable, the noise negative, or a name of `environment_kwargs` unknown.
 
     Example:
         >>> env = load(seed=0)
@@ -319,13 +360,12 @@ def load(
     """
     time_limit_s = checked(Positive, time_limit_s, "time_limit_s")
     task = BoxingTask(control_step_s=control_step_s, start_noise_rad=start_noise_rad)
-    env = composer.Environment(
-        task,
-        # Simulated time is a sum of steps and ends a little below the exact product: half a step makes the count exact.
-        time_limit=time_limit_s - control_step_s / 2,
-        random_state=seed,
-        recompile_mjcf_every_episode=False,
-        strip_singleton_obs_buffer_dim=True,
-    )
-    env.reset()  # composer compiles once more at the first reset; from here on the model stays
-    return env
+    settings = dict(checked(dict[str, Any] | None, environment_kwargs, "environment_kwargs") or {})
+    for name in settings.keys() - set(_ENVIRONMENT_KWARGS):
+        offered = f"{nearest_name(name, _ENVIRONMENT_KWARGS)}; there are {', '.join(_ENVIRONMENT_KWARGS)}"
+        raise SettingsError(f"`environment_kwargs`: no `{name}`{offered}")
+    flat = checked(bool, settings.pop("flat_observation", False), "flat_observation")
+    usual = {"recompile_mjcf_every_episode": False, "strip_singleton_obs_buffer_dim": True}
+    # Simulated time is a sum of steps and ends a little below the exact product: half a step makes the count exact.
+    limit = time_limit_s - control_step_s / 2
+    return BoxingEnvironment(task, flat, time_limit=limit, random_state=seed, **usual | settings)

@@ -10,6 +10,10 @@ from creative_nao.joints import JOINTS, limits
 from creative_nao.robot import Performer, Scene, arm_angles
 
 pytest.importorskip("dm_control", reason="pip cannot install it on Python 3.13")
+from absl.testing import absltest
+from dm_control.rl import control
+from dm_env import test_utils
+
 from creative_nao.envs import boxing_task
 
 
@@ -200,3 +204,72 @@ def test_equal_seeds_and_actions_give_equal_bits_and_other_seeds_do_not(name):
 def test_a_task_that_is_not_there_is_told_with_the_nearest():
     with pytest.raises(NotFoundError, match=r"no task `boxin` \(did you mean `boxing`\?\); there are boxing"):
         load("boxin")
+
+
+# dm_env's own tests of an environment, and those of dm_control's suite (suite_test.py), which knows its own tasks only.
+
+
+class TestContractOfDmEnv(test_utils.EnvironmentTestMixin, absltest.TestCase):
+    arguments: dict = {}  # noqa: RUF012 - read only
+
+    def make_object_under_test(self):
+        return load("boxing", seed=0, time_limit_s=1.0, **self.arguments)
+
+    def make_action_sequence(self):
+        rng, spec = np.random.default_rng(0), self.environment.action_spec()
+        for _ in range(45):  # two episodes of 20 steps end on the way
+            yield rng.uniform(spec.minimum, spec.maximum)
+
+
+class TestContractOfDmEnvFlat(TestContractOfDmEnv):
+    arguments = {"environment_kwargs": {"flat_observation": True}, "start_noise_rad": 0.05}  # noqa: RUF012
+
+
+def test_the_first_step_of_a_fresh_environment_begins_an_episode(attempt):
+    attempt("dm_control", "dm_env's EnvironmentTestMixin, dm_control's suite tests", "passed")
+    env = boxing_task.load()
+    assert env.step(env.action_spec().generate_value()).first()
+    assert env.step(env.action_spec().generate_value()).mid()
+
+
+def test_every_component_of_the_model_has_a_name_and_there_are_cameras(task):
+    model = task.physics.model
+    kinds = {"body": "nbody", "joint": "njnt", "geom": "ngeom", "site": "nsite", "camera": "ncam", "light": "nlight",
+             "mesh": "nmesh", "texture": "ntex", "material": "nmat", "equality": "neq", "tendon": "ntendon",
+             "actuator": "nu", "sensor": "nsensor"}  # fmt: skip
+    for kind, size in kinds.items():
+        assert all(model.id2name(number, kind) for number in range(getattr(model, size))), kind
+    assert model.ncam >= 2
+
+
+def test_environment_kwargs_reach_the_environment(attempt):
+    attempt(
+        "dm_control", "`environment_kwargs`: flat_observation, fixed_initial_state, unknown ones", "taken, or named"
+    )
+    flat = load("boxing", environment_kwargs={"flat_observation": True})
+    plain = load("boxing")
+    assert set(flat.observation_spec()) == set(flat.reset().observation) == {control.FLAT_OBSERVATION_KEY}
+    together = np.concatenate(list(plain.reset().observation.values()))
+    assert np.array_equal(flat.reset().observation[control.FLAT_OBSERVATION_KEY], together)
+    fixed = load("boxing", start_noise_rad=0.1, environment_kwargs={"fixed_initial_state": True})
+    first, second = (fixed.reset().observation["nao/joint_positions"] for _ in range(2))
+    assert np.array_equal(first, second)
+    with pytest.raises(SettingsError, match=r"no `flat_observations` \(did you mean `flat_observation`\?\)"):
+        load("boxing", environment_kwargs={"flat_observations": True})
+    with pytest.raises(SettingsError, match="`environment_kwargs`"):
+        load("boxing", environment_kwargs=[1])
+
+
+def test_nothing_observed_is_constant_and_episodes_begin_differently(task):
+    observed = [step.observation for step in at_random(task, 0, 150)]
+    for name in observed[0]:
+        values = np.array([observation[name] for observation in observed])
+        assert (values != values[0]).any(axis=0).all(), name
+    first, second = task.reset().observation, task.reset().observation
+    assert not all(np.array_equal(first[name], second[name]) for name in first)
+
+
+def test_observations_of_consecutive_steps_share_no_memory(task):
+    first = task.reset().observation
+    second = task.step(np.asarray(task.action_spec().minimum)).observation
+    assert not any(np.may_share_memory(first[name], second[name]) for name in first)
