@@ -20,15 +20,7 @@ from creative_nao.envs.executors import (
     imagined_executions,
 )
 from creative_nao.envs.memory_set import MemoryLike, MemorySet, RewardSpec
-from creative_nao.envs.observation import (
-    CELLS,
-    ObservationBatch,
-    Track,
-    checked_observation,
-    layout,
-    observation_space,
-    try_columns,
-)
+from creative_nao.envs.observation import CELLS, ObservationBatch, chosen_layout, observation_space
 from creative_nao.envs.rollout import DECISION_TICKS, CandidateBatch, RolloutBatch
 from creative_nao.envs.viewing import Recorder
 from creative_nao.errors import SettingsError, ShapeError
@@ -105,13 +97,10 @@ class EpisodeBatch:
                     f"but is a {type(first.memory).__name__}"
                 )
             n_slow, n_decisions = first.memory.network.layer_sizes[-1], -(-first.n_steps // DECISION_TICKS)
-        kind = checked_observation(observation, first.n_pb, rehearsal)
-        n_rows = 0 if kind == CELLS else self.n_imagined if rehearsal else self.n_actions
-        told: dict[str, Any] = {"n_decisions": n_decisions, "rehearsal": rehearsal}
-        if n_rows:
-            told["track"] = Track(kind)
-        self.columns = try_columns(n_basic, first.n_pb, **told) if n_rows else ()
-        self.parts = layout(n_basic, first.n_pb, len(joints) if modulated else 0, n_slow, n_rows=n_rows, **told)
+        self.parts, self.columns = chosen_layout(
+            observation, n_basic, first.n_pb, len(joints) if modulated else 0, n_slow,
+            self.n_imagined if rehearsal else self.n_actions, n_decisions=n_decisions, rehearsal=rehearsal,
+        )  # fmt: skip
         self.executor = None  # movements count as executed the way they were generated
         if limits is not None:
             self.executor = PhysicsExecutor(n_envs, self.threads, self.shared, limits, joints)
@@ -152,12 +141,9 @@ class EpisodeBatch:
         self.observations.begin(env_id, spec.memory.pb)
         self.n_done[env_id] = self.n_imagined_done[env_id] = 0
         self.recorder.clear(env_id)
-        if self.executor is not None:
-            self.executor.reset(env_id)
-        if self.rollout is not None:
-            self.rollout.reset(env_id)
-        if self.candidates is not None:
-            self.candidates.clear(env_id)
+        for part in (self.executor, self.rollout, self.candidates):
+            if part is not None:
+                part.reset(env_id)
 
     @property
     def n_episode_steps(self) -> int:
@@ -220,10 +206,8 @@ class EpisodeBatch:
 
     def _whole_movements(self, env_ids: np.ndarray, pb: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         if self.executor is not None or self.recorder.mode is not None:
-            order = self._by_memory(env_ids)
-            (generated,) = self.threads.map_rows(
-                lambda rows: (self._generate(env_ids[rows], pb[rows]),), len(env_ids), order
-            )
+            generate, order = lambda rows: (self._generate(env_ids[rows], pb[rows]),), self._by_memory(env_ids)
+            (generated,) = self.threads.map_rows(generate, len(env_ids), order)
             return self._execute_and_score(env_ids, pb[:, None], generated)
         generated, *distances = self._generate_and_compare(env_ids, pb)
         return self._score(env_ids, pb[:, None], generated, distances)
@@ -249,7 +233,7 @@ class EpisodeBatch:
         """Imagine a movement in each environment; in the `finished` ones among the m, (k,), perform the best."""
         rows = self.n_imagined_done[env_ids]
         outcome, imagined = self._imagine(env_ids, pb)
-        self._observe(env_ids, pb[:, None], outcome, imagined, rows)
+        self.observations.record(env_ids, rows, pb[:, None], outcome, imagined, self.archive.scale[env_ids])
         value = np.where(imagined["appropriate"], imagined["reward_novelty"], -1.0)
         candidates.offer(env_ids, rows, pb, value, imagined["trajectory"])
         self.observations.mark(env_ids, candidates.row[env_ids], "candidate", only=True)
@@ -403,26 +387,11 @@ class EpisodeBatch:
         """
         outcome, terms = self._judge(env_ids, trajectories, distances, executions)
         self.archive.accept(env_ids, terms["appropriate"], trajectories, distances[0])
-        self._observe(env_ids, pb, outcome, terms, self.n_done[env_ids] if rows is None else rows)
+        rows = self.n_done[env_ids] if rows is None else rows
+        self.observations.record(env_ids, rows, pb, outcome, terms, self.archive.scale[env_ids])
         self.n_done[env_ids] += 1
         terms["repertoire_size"] = self.archive.sizes[env_ids] - self.archive.n_basic
         return terms["reward_novelty"].copy(), terms
-
-    def _observe(
-        self, env_ids: np.ndarray, pb: np.ndarray, outcome: np.ndarray, terms: dict[str, np.ndarray], rows: np.ndarray
-    ) -> None:
-        scale = self.archive.scale[env_ids]
-        self.observations.record_action(
-            env_ids,
-            pb=pb,
-            outcome=outcome,
-            nearest=terms["nearest"],
-            novelty=terms["distance"] / scale,
-            known=terms["known_distance"] / scale,
-            reward=terms["reward_novelty"],
-            distances=terms["basic_distances"] / scale[:, None],
-            rows=rows,
-        )
 
     def measures(self, env_id: int) -> dict[str, float]:
         """Return the paper's three measures of an episode so far, NaN for None; see `RepertoireArchive.measures`."""

@@ -184,8 +184,18 @@ def split(observations: np.ndarray, parts: Parts, columns: Parts) -> dict[str, n
     return found
 
 
-def checked_observation(observation: Any, n_pb: int, rehearsal: bool = False) -> str:
-    """Return the kind of observation, `cells` (not in rehearsal) or the value of a track; else: SettingsError."""
+def chosen_layout(
+    observation: Any,
+    n_actions: int,
+    n_pb: int,
+    n_joints: int,
+    n_slow: int,
+    n_rows: int,
+    *,
+    n_decisions: int,
+    rehearsal: bool,
+) -> tuple[Parts, Parts]:
+    """Return layout and columns of an observation, `cells` (not in rehearsal) or a track; another: SettingsError."""
     kinds = [track.value for track in Track if track is not Track.MAP] + ([] if rehearsal else [CELLS])
     if not isinstance(observation, str) or observation not in kinds:
         raise SettingsError(f"`observation` should be one of {', '.join(kinds)}, but is {shown(observation)}")
@@ -194,7 +204,11 @@ def checked_observation(observation: Any, n_pb: int, rehearsal: bool = False) ->
             f'`observation` "{CELLS}" has {N_CELLS} cells a PB unit, {N_CELLS}^{n_pb} for this memory of {n_pb} units; '
             f'take a -v1 environment, or `observation` "{Track.TRAJECTORIES}"'
         )
-    return str(observation)
+    if observation == CELLS:
+        return layout(n_actions, n_pb, n_joints, n_slow), ()
+    told: dict[str, Any] = {"track": Track(observation), "n_decisions": n_decisions, "rehearsal": rehearsal}
+    parts = layout(n_actions, n_pb, n_joints, n_slow, n_rows=n_rows, **told)
+    return parts, try_columns(n_actions, n_pb, **told)
 
 
 def layout_table(parts: Parts) -> str:
@@ -324,37 +338,32 @@ class ObservationBatch:
             tries[env_ids, :, self._columns[column]] = 0.0
         tries[env_ids, rows, self._columns[column]] = 1.0
 
-    def record_action(
+    def record(
         self,
         env_ids: np.ndarray,
-        *,
+        rows: np.ndarray,
         pb: np.ndarray,
         outcome: np.ndarray,
-        nearest: np.ndarray,
-        novelty: np.ndarray,
-        known: np.ndarray,
-        reward: np.ndarray,
-        distances: np.ndarray,
-        rows: np.ndarray,
+        terms: dict[str, np.ndarray],
+        scale: np.ndarray,
     ) -> None:
         """Write the result of one action of each episode.
 
         Args:
             env_ids: Which episodes, shape (m,).
+            rows: The how manieth try each is, from 0, shape (m,).
             pb: The PB vectors of the action in [-1, 1], shape (m, n, n_pb): one, or several where the PB changed.
             outcome: Index of each outcome in `ALL_OUTCOMES`, shape (m,).
-            nearest: Nearest basic action, shape (m,).
-            novelty: Distance to it, in units of the reward scale, shape (m,).
-            known: Distance to everything known before, in the same unit, shape (m,).
-            reward: Reward of the action, shape (m,).
-            distances: Distances to the basic actions, in the same unit, shape (m, n_basic).
-            rows: The how manieth try each is, from 0, shape (m,).
+            terms: `nearest`, `distance`, `known_distance`, `basic_distances` and `reward_novelty` of `info`.
+            scale: Unit of the reward [rad], shape (m,).
         """
+        vectors, starts, reward = self._vectors, self._starts, terms["reward_novelty"]
         if "tries" in self._at:
-            at = self._at["tries"]
-            _try_kernel(self._vectors, at.start, at.stop, self._starts, env_ids, rows, pb, outcome, reward, distances)
+            at, distances = self._at["tries"], terms["basic_distances"] / scale[:, None]
+            _try_kernel(vectors, at.start, at.stop, starts, env_ids, rows, pb, outcome, reward, distances)
         else:
-            _record_kernel(self._vectors, self._starts, env_ids, pb, outcome, nearest, novelty, known, reward)
+            novelty, known = terms["distance"] / scale, terms["known_distance"] / scale
+            _record_kernel(vectors, starts, env_ids, pb, outcome, terms["nearest"], novelty, known, reward)
 
     def vectors(self) -> np.ndarray:
         """Return a copy of all observations, (n_envs, size)."""

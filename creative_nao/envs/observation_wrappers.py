@@ -111,11 +111,13 @@ class _SetView(_View):
 
 
 class _SingleWrapper(gym.ObservationWrapper[Any, Any, Any], RecordConstructorArgs):
-    def __init__(self, env: gym.Env[Any, Any], view: type[_View], **arguments: Any) -> None:
+    _view: type[_View]
+
+    def __init__(self, env: gym.Env[Any, Any], **arguments: Any) -> None:
         RecordConstructorArgs.__init__(self, **arguments)
         check_kind(gym.Env, env, "env")
         super().__init__(env)
-        self.view = view(env.unwrapped, **arguments)
+        self.view = self._view(env.unwrapped, **arguments)
         self.observation_space = self.view.space
 
     def observation(self, observation: np.ndarray) -> Any:
@@ -124,11 +126,13 @@ class _SingleWrapper(gym.ObservationWrapper[Any, Any, Any], RecordConstructorArg
 
 
 class _VectorWrapper(VectorWrapper[Any, Any, Any, Any, Any], RecordConstructorArgs):
-    def __init__(self, env: VectorEnv[Any, Any, Any], view: type[_View], **arguments: Any) -> None:
+    _view: type[_View]
+
+    def __init__(self, env: VectorEnv[Any, Any, Any], **arguments: Any) -> None:
         RecordConstructorArgs.__init__(self, **arguments)
         check_kind(VectorEnv, env, "env")
         super().__init__(env)
-        self.view = view(env.unwrapped, **arguments)
+        self.view = self._view(env.unwrapped, **arguments)
         self.single_observation_space = self.view.space
         self.observation_space = batch_space(self.view.space, env.num_envs)
 
@@ -173,15 +177,19 @@ class GridObservation(_SingleWrapper):
         (11, 32, 32)
     """
 
+    _view = _GridView
+
     def __init__(self, env: gym.Env[Any, Any], resolution: int = 32) -> None:
-        super().__init__(env, _GridView, resolution=resolution)
+        super().__init__(env, resolution=resolution)
 
 
 class GridVectorObservation(_VectorWrapper):
     """Draws the tries of every sub-environment as an image; see `GridObservation`."""
 
+    _view = _GridView
+
     def __init__(self, env: VectorEnv[Any, Any, Any], resolution: int = 32) -> None:
-        super().__init__(env, _GridView, resolution=resolution)
+        super().__init__(env, resolution=resolution)
 
 
 class SetObservation(_SingleWrapper):
@@ -203,12 +211,10 @@ class SetObservation(_SingleWrapper):
         ['mask', 'points', 'step', 'tries']
     """
 
-    def __init__(self, env: gym.Env[Any, Any]) -> None:
-        super().__init__(env, _SetView)
+    _view = _SetView
 
 
 class SetVectorObservation(_VectorWrapper):
     """Gives the tries of every sub-environment as rows with a mask; see `SetObservation`."""
 
-    def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
-        super().__init__(env, _SetView)
+    _view = _SetView

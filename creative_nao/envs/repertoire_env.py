@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Self
 
 import gymnasium as gym
@@ -12,7 +13,7 @@ from creative_nao.envs.archive import MEASURES
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS, EpisodeBatch
 from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
-from creative_nao.envs.observation import CELLS, Parts
+from creative_nao.envs.observation import CELLS
 from creative_nao.envs.spec import Specified, leave_text_as_it_is
 from creative_nao.envs.state import EnvState, generator_from, generator_state
 from creative_nao.envs.viewing import RENDER_MODES
@@ -89,29 +90,9 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         return env
 
     @property
-    def n_decisions(self) -> int:
-        """Steps that one action takes."""
-        return self._batch.n_decisions
-
-    @property
-    def max_episode_steps(self) -> int:
-        """Most steps of an episode."""
-        return self._batch.n_episode_steps
-
-    @property
     def n_imagined_used(self) -> int:
         """Movements imagined in this episode so far."""
         return int(self._batch.n_imagined_done[self._env_id])
-
-    @property
-    def observation_parts(self) -> Parts:
-        """Parts of the observation, in order."""
-        return self._batch.parts
-
-    @property
-    def try_columns(self) -> Parts:
-        """Columns of one try in the part `tries` of the observation; none where it has no such part."""
-        return self._batch.columns
 
     @property
     def memory(self) -> Any:
@@ -253,34 +234,33 @@ def checked_options(options: Any, known: tuple[str, ...]) -> dict[str, Any]:
 
 
 def checked_points(pb: Any, batch: EpisodeBatch, n_envs: int | None = None) -> np.ndarray:
-    """Return what is to be imagined as float64, clipped to [-1, 1]; other shapes or what is not finite: ShapeError.
+    """Return what is to be imagined as `checked_pb` does: (n_pb,), (n, n_pb) or the PB of all decisions.
 
-    That is (n_pb,), (n, n_pb) or (n, n_decisions, n_pb), for `n_envs` environments with that in front.
+    For `n_envs` environments their number comes first in the shape.
     """
-    try:
-        points = np.asarray(pb, dtype=np.float64)
-    except (TypeError, ValueError):
-        points = np.empty(0)
-    n_pb, ahead = batch.memories.first.n_pb, () if n_envs is None else (n_envs,)
-    shapes = [(n_pb,), ("n", n_pb)] + ([("n", batch.n_decisions, n_pb)] if batch.rollout is not None else [])
-    shapes = [(*ahead, *shape) for shape in shapes]
-    fits = any(
-        points.ndim == len(shape) and all(size in ("n", have) for size, have in zip(shape, points.shape, strict=True))
-        for shape in shapes
-    )
-    if not fits or not points.size or not np.isfinite(points).all() or isinstance(pb, np.ma.MaskedArray):
-        forms = " or ".join(str(shape).replace("'", "") for shape in shapes)
-        raise ShapeError(f"`pb` should be finite PB vectors of shape {forms}, but is {pb!r:.200}")
-    return np.minimum(np.maximum(points, -1.0), 1.0)
+    ahead, n_pb = () if n_envs is None else (n_envs,), batch.memories.first.n_pb
+    forms = [(*ahead, n_pb), (*ahead, "n", n_pb)]
+    forms += [(*ahead, "n", batch.n_decisions, n_pb)] if batch.rollout is not None else []
+
+    def fits(shape: tuple[int, ...]) -> bool:
+        pairs = [zip(form, shape, strict=True) for form in forms if len(form) == len(shape) and 0 not in shape]
+        return any(all(size in ("n", have) for size, have in pair) for pair in pairs)
+
+    shapes = " or ".join(str(form).replace("'", "") for form in forms)
+    return _checked(pb, fits, f"`pb` should be finite PB vectors of shape {shapes}")
 
 
 def checked_pb(action: Any, shape: tuple[int, ...] | None) -> np.ndarray:
     """Return PB vectors as float64, clipped to [-1, 1]; another shape or what is not finite raises ShapeError."""
+    what = "a finite PB vector" if len(shape or ()) == 1 else "finite PB vectors"
+    return _checked(action, lambda have: have == shape, f"`action` should be {what} of shape {shape}")
+
+
+def _checked(value: Any, fits: Callable[[tuple[int, ...]], bool], expected: str) -> np.ndarray:
     try:
-        pb = np.asarray(action, dtype=np.float64)
+        pb = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         pb = np.empty(0)
-    if pb.shape != shape or not np.isfinite(pb).all() or isinstance(action, np.ma.MaskedArray):
-        what = "a finite PB vector" if len(shape or ()) == 1 else "finite PB vectors"
-        raise ShapeError(f"`action` should be {what} of shape {shape}, but is {action!r:.200}")
+    if not fits(pb.shape) or not np.isfinite(pb).all() or isinstance(value, np.ma.MaskedArray):
+        raise ShapeError(f"{expected}, but is {value!r:.200}")
     return np.minimum(np.maximum(pb, -1.0), 1.0)

@@ -139,7 +139,7 @@ class CandidateBatch:
         self._pb = np.zeros((n_envs, n_pb))
         self._trajectory = np.zeros((n_envs, n_steps, n_joints))
 
-    def clear(self, env_ids: Any) -> None:
+    def reset(self, env_ids: Any) -> None:
         """Forget the candidates of these robots."""
         self.row[env_ids], self._value[env_ids] = -1, -1.0
 
@@ -155,7 +155,7 @@ class CandidateBatch:
     def take(self, env_ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return rows (m,), PB vectors (m, n_pb) and movements (m, n_steps, n_joints) of candidates; forget them."""
         taken = self.row[env_ids], self._pb[env_ids], self._trajectory[env_ids]
-        self.clear(env_ids)
+        self.reset(env_ids)
         return taken
 
     def get_state(self, env_id: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from creative_nao.errors import SettingsError
+
+if TYPE_CHECKING:  # it loads numba, which registering an environment should not
+    from creative_nao.envs.observation import Parts
 
 
 class EpisodeLength(int):
@@ -60,6 +63,26 @@ class Specified:
     """Base of an environment that tells the length of its episodes in its `spec`."""
 
     _spec: EpisodeSpec | None = None
+
+    @property
+    def n_decisions(self: Any) -> int:
+        """Steps that one action takes."""
+        return self._batch.n_decisions
+
+    @property
+    def max_episode_steps(self: Any) -> int:
+        """Most steps of an episode."""
+        return self._batch.n_episode_steps
+
+    @property
+    def observation_parts(self: Any) -> Parts:
+        """Parts of an observation, in order."""
+        return self._batch.parts
+
+    @property
+    def try_columns(self: Any) -> Parts:
+        """Columns of one try in the part `tries` of the observation; none where it has no such part."""
+        return self._batch.columns
 
     @property
     def spec(self) -> EnvSpec | None:

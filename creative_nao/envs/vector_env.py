@@ -17,7 +17,7 @@ from creative_nao.envs.archive import MEASURES
 from creative_nao.envs.episode_batch import EPISODE_ACTIONS, EpisodeBatch
 from creative_nao.envs.executors import FRAME_DT_S
 from creative_nao.envs.memory_set import MemoryLike
-from creative_nao.envs.observation import CELLS, Parts
+from creative_nao.envs.observation import CELLS
 from creative_nao.envs.repertoire_env import RepertoireEnv, checked_options, checked_pb, checked_points
 from creative_nao.envs.spec import EpisodeLength, Specified
 from creative_nao.envs.state import EnvState
@@ -113,34 +113,14 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         return self._batch.ended()
 
     @property
-    def n_decisions(self) -> int:
-        """Steps that one action takes."""
-        return self._batch.n_decisions
-
-    @property
     def memories(self) -> tuple[Any, ...]:
         """The memory of each sub-environment's episode."""
         return tuple(spec.memory for spec in self._batch.specs)
 
     @property
-    def max_episode_steps(self) -> int:
-        """Most steps of an episode."""
-        return self._batch.n_episode_steps
-
-    @property
     def n_imagined_used(self) -> np.ndarray:
         """Movements imagined in each sub-environment's episode so far, (num_envs,)."""
         return self._batch.n_imagined_done.copy()
-
-    @property
-    def observation_parts(self) -> Parts:
-        """Parts of one sub-environment's observation, in order."""
-        return self._batch.parts
-
-    @property
-    def try_columns(self) -> Parts:
-        """Columns of one try in the part `tries` of the observation; none where it has no such part."""
-        return self._batch.columns
 
     def imagine(self, pb: np.ndarray, env_ids: Any = None) -> dict[str, np.ndarray]:
         """Generate and score movements without performing them, as the single environment's `imagine` does.

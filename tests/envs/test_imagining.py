@@ -75,7 +75,7 @@ def test_the_count_is_part_of_the_state(points, tmp_path):
     env.set_state(state)
 
     assert env.n_imagined_used == 4
-    with pytest.raises(SettingsError, match="`n_imagined` should be at most 3, which may be imagined here, but is 4"):
+    with pytest.raises(SettingsError, match="`n_imagined` should be at most 3, the budget here, but is 4"):
         BoxingMentalEnv(n_imagined=3).set_state(state)
 
 

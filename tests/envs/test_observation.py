@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from creative_nao.envs.observation import N_CELLS, ObservationBatch, layout
+from creative_nao.envs.observation import N_CELLS, ObservationBatch, Track, layout, split, try_columns
 from creative_nao.measures.outcome import ALL_OUTCOMES
 
 PARTS = {part.name: slice(part.start, part.stop) for part in layout()}
@@ -9,12 +9,19 @@ ONE = np.zeros(1, np.int64)
 
 
 def record(observations, row=0, **changes):
+    """Record an action; distances are in units of the reward, whose scale is 2 rad."""
     given = {"pb": [0.5, -0.5], "outcome": "unlearned", "nearest": 2, "novelty": 1.0, "known": 0.5, "reward": 0.5}
     given |= changes
-    given["outcome"] = ALL_OUTCOMES.index(given["outcome"])
-    pb = np.array(given.pop("pb"), dtype=float).reshape(1, -1, 2)
-    given |= {"distances": np.arange(6.0), "rows": row}
-    observations.record_action(ONE, pb=pb, **{name: np.array([value]) for name, value in given.items()})
+    pb = np.array(given["pb"], dtype=float).reshape(1, -1, 2)
+    terms = {
+        "nearest": np.array([given["nearest"]]),
+        "distance": np.array([2.0 * given["novelty"]]),
+        "known_distance": np.array([2.0 * given["known"]]),
+        "basic_distances": 2.0 * np.arange(6.0)[None],
+        "reward_novelty": np.array([given["reward"]]),
+    }
+    outcome = np.array([ALL_OUTCOMES.index(given["outcome"])])
+    observations.record(ONE, np.array([row]), pb, outcome, terms, np.array([2.0]))
     return observations.vector()
 
 
@@ -82,3 +89,28 @@ def test_robots_side_by_side_see_their_own():
     assert observations.vectors()[:, PARTS["step"]].ravel().tolist() == [0.25, 0.0, 0.5]
     observations.begin(2, np.zeros((6, 2)))
     assert not observations.vector(2).any()
+
+
+def test_a_try_is_told_column_by_column():
+    columns = try_columns()
+    observations = ObservationBatch(layout(n_rows=4), 1, columns)
+    observations.begin(0, np.linspace(-1, 1, 12).reshape(6, 2))
+    record(observations, row=1, reward=1.0)
+    seen = record(observations, row=4)  # beyond the end of the episode: left out
+    found = split(seen, layout(n_rows=4), columns)
+    row = {column.name: found["tries"][1, column.start : column.stop].tolist() for column in columns}
+
+    assert found["points"].tolist() == np.linspace(-1, 1, 12).astype(np.float32).tolist()
+    assert not found["tries"][[0, 2, 3]].any()
+    assert found["step"] == [0.0]
+    assert (row["tried"], row["pb"], row["reward"]) == ([1.0], [0.5, -0.5], [0.5])
+    assert row["outcome"] == [float(name == "unlearned") for name in ALL_OUTCOMES]
+    assert row["distances"] == [np.float32(d / (d + 1)) for d in range(6)]
+
+
+@pytest.mark.parametrize(("track", "left_out"), [("outcomes", {"points", "distances"}), ("points", {"distances"})])
+def test_a_track_leaves_out_what_it_does_not_hold(track, left_out):
+    every = {part.name for part in (*layout(n_rows=3), *try_columns())}
+    held = {part.name for part in (*layout(n_rows=3, track=Track(track)), *try_columns(track=Track(track)))}
+
+    assert every - held == left_out
