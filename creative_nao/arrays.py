@@ -115,6 +115,14 @@ def _check_frame(path: Path, kind: str, content: bytes) -> tuple[dict[str, Any],
     """Check lengths and offsets of a safetensors file; return its metadata and what it says of its arrays."""
     if len(content) < 8:
         raise FileFormatError(f"{path}: no {kind} file: the header length needs 8 bytes, the file has {len(content)}")
+    if content.startswith(b"PK\3\4"):
+        way = ""
+        if kind == "agent bundle":
+            way = (
+                ", as Stable-Baselines3 saves a policy: pickles, which are not read; name a function that loads it, "
+                "package.module:factory, or train with `creative-nao agent train`"
+            )
+        raise FileFormatError(f"{path}: no {kind} file: it is a ZIP archive{way}")
     length = int.from_bytes(content[:8], "little")
     if length > MAX_HEADER_BYTES:
         raise FileFormatError(f"{path}: no {kind} file: its first 8 bytes announce a header of {length} bytes")

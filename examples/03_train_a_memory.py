@@ -1,7 +1,7 @@
 """Train a memory on basic actions, measure how well it reproduces them, and make its PB map.
 
 python examples/03_train_a_memory.py --out mine.safetensors
-python examples/03_train_a_memory.py --demonstrations my_actions --n-epochs 20000 --out mine.safetensors
+python examples/03_train_a_memory.py --demonstrations my_actions --out mine.safetensors
 
 The paper trains for 100,000 epochs. On the command line: `creative-nao train`, which resumes after a crash.
 """

@@ -1,4 +1,4 @@
-"""Search a memory with an agent of Stable-Baselines3: train it on the bank, evaluate it on unseen memories.
+"""Search a memory with an agent of Stable-Baselines3: train it on the bank, judge it on memories that it has not seen.
 
 python examples/04_search_with_sb3.py
 python examples/04_search_with_sb3.py --n-steps 200000 --out my_agent.zip
@@ -30,7 +30,7 @@ venv.close()
 if chosen.out is not None:
     model.save(chosen.out)
 
-env = gym.make("CreativeNao/BoxingMental-v0", memory="test")
+env = gym.make("CreativeNao/BoxingMental-v0", memory="validation")  # the test memories are for the last figure alone
 env.action_space.seed(chosen.seed)
 
 
@@ -47,6 +47,6 @@ def mean_return(choose) -> float:
     return float(np.mean(returns))
 
 
-print(f"unseen memories, {chosen.n_episodes} episodes of 30 movements, mean sum of rewards")
+print(f"validation memories, {chosen.n_episodes} episodes of 30 movements, mean sum of rewards")
 print(f"  uniform  {mean_return(lambda observation: env.action_space.sample()):.2f}")
 print(f"  PPO      {mean_return(lambda observation: model.predict(observation, deterministic=False)[0]):.2f}")

@@ -3,6 +3,7 @@
 import contextlib
 import importlib.util
 import io
+import os
 import re
 import runpy
 import shlex
@@ -106,6 +107,71 @@ def test_the_cheap_commands_of_a_page_run_in_their_order(name, tmp_path, monkeyp
         elif line.startswith("python examples/02"):
             monkeypatch.setattr(sys, "argv", [str(ROOT / words[1]), *words[2:]])
             runpy.run_path(str(ROOT / words[1]), run_name="__main__")
+
+
+def typed(page):
+    """Return what a reader of a page types, in order: a command, or the file `name` of a block of Python before it."""
+    for language, block in re.findall(r"```(sh|python)\n(.*?)```", TEXTS[page], re.DOTALL):
+        if language == "python":
+            yield block
+        else:
+            yield from (shlex.split(line) for line in lines(f"```sh\n{block}```"))
+
+
+QUICK = {"01_make_env", "02_teach_your_own_actions", "03_train_a_memory", "06_put_an_action_on_a_nao", "score"}
+"""What of the tutorials takes seconds; the nightly test runs all."""
+
+
+def tutorial(folder, run):
+    """Run everything of the tutorials in `folder` as a reader does, each block of Python saved as my_policy.py."""
+    shutil.copytree(ROOT / "examples", folder / "examples")
+    n_run = 0
+    for step in typed("docs/tutorials.md"):
+        if isinstance(step, str):
+            (folder / "my_policy.py").write_text(step)
+        else:
+            n_run += run(step)
+    return n_run
+
+
+def test_the_quick_tutorials_run_as_they_stand(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+
+    def run(words):
+        if words[0] == "python" and Path(words[1]).stem in QUICK:
+            monkeypatch.setattr(sys, "argv", words[1:])
+            runpy.run_path(words[1], run_name="__main__")
+        elif words[1] in QUICK:
+            assert main(words[1:]) == 0, capsys.readouterr().err
+        else:
+            return 0
+        return 1
+
+    assert tutorial(tmp_path, run) == len(QUICK)
+    told = capsys.readouterr().out
+    assert re.search(r"left_wave +PB .* DTW distance [0-2]\.", told), "both waves are learned"
+
+
+@pytest.mark.slow
+def test_every_tutorial_runs_as_it_stands(tmp_path):
+    """In one folder and in order, by the installed programs; a suite of hours is begun and stopped."""
+    programs = {"python": [sys.executable], "creative-nao": [sys.executable, "-m", "creative_nao"]}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+
+    def run(words):
+        command = [*programs[words[0]], *words[1:]]
+        hours = words[1:3] == ["evaluate", "search"]
+        if hours:  # with one memory and few actions, by the name that the next line takes
+            (tmp_path / "search.toml").write_text(
+                'agents = ["supervised", "random"]\nenvs = ["CreativeNao/BoxingMental-v0"]\nmemories = ["half/10"]\n'
+                'n_seeds = 2\nn_actions = 30\nresolution = 20\nname = "search"\n'
+            )
+            command[command.index("search")] = "search.toml"
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, f"{shlex.join(words)}: {done.stderr}"
+        return 1
+
+    assert tutorial(tmp_path, run) == sum(isinstance(step, list) for step in typed("docs/tutorials.md"))
 
 
 def test_the_two_commands_of_the_readme_are_those_that_are_tested():

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from test_docs import QUICK
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 SHORT = {
@@ -23,8 +24,9 @@ SHORT = {
 }
 
 
-@pytest.mark.parametrize("name", SHORT)
+@pytest.mark.parametrize("name", [name for name in SHORT if name not in QUICK])
 def test_the_example_runs(name, tmp_path, monkeypatch, capsys):
+    """The others run as the tutorials stand (test_docs.py)."""
     options, said = SHORT[name]
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", [str(EXAMPLES / f"{name}.py"), *options.split()])

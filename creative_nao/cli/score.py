@@ -57,11 +57,10 @@ def run(settings: ScoreSettings) -> int:
         )
     ]
     found = _set(trajectories, scores)
-    lines = [
-        f"{row['file']}: {row['outcome'].replace('_', '-')}, DTW {row['distance']:.2f} from {row['nearest']}"
-        + "".join(f"\n  {'; '.join(row['notes'])}" for _ in row["notes"][:1])
-        for row in rows
-    ]
+    lines = []
+    for row in rows:
+        told = f"{row['outcome'].replace('_', '-')}, DTW {row['distance']:.2f} from {row['nearest']}"
+        lines += [f"{row['file']}: {told}", *(f"  {'; '.join(row['notes'])}" for _ in row["notes"][:1])]
     if found is not None:
         lines.append(
             f"{found['n_appropriate']} of {len(rows)} appropriate: novelty {found['novelty']:.2f}, "

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import zipfile
 
 import numpy as np
 import pytest
@@ -120,6 +121,16 @@ def test_an_error_of_the_user_s_own_code_is_one_line_with_its_place(own, tmp_pat
     assert main(["agent", "run", "my_broken:agent", "--memory", "half/0"]) == 2
     said = capsys.readouterr().err
     assert re.fullmatch(f"creative-nao: .*{told}.*\n", said), said
+
+
+def test_a_policy_of_stable_baselines_as_a_file_names_the_way_in(tmp_path, capsys):
+    with zipfile.ZipFile(tmp_path / "mine.zip", "w") as archive:
+        archive.writestr("data", "{}")
+    assert main(["agent", "run", str(tmp_path / "mine.zip")]) == 2
+    assert (
+        "ZIP archive, as Stable-Baselines3 saves a policy: pickles, which are not read; name a function that loads "
+        in (capsys.readouterr().err)
+    )
 
 
 def test_an_agent_of_one_s_own_tells_the_actions_of_its_training(own):

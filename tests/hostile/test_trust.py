@@ -74,6 +74,7 @@ def test_a_file_of_a_module_s_name_gives_no_trust(field, intruder, tmp_path, att
     assert main(["evaluate", str(path), "--out", str(tmp_path / "run")]) == 2
 
     content = json.loads(victims["results"].path.read_text())
+    content.pop("sha256")  # as a stranger would
     settings = {"suite": {"name": "quick", **values}, "seed": 0}
     content["record"] = {"settings": settings, "versions": {}, "memories": {}, "command": "x"}
     (tmp_path / "results.json").write_text(json.dumps(content))
@@ -87,6 +88,7 @@ def test_a_file_of_a_module_s_name_gives_no_trust(field, intruder, tmp_path, att
 def test_a_result_file_makes_no_environment_of_others(tmp_path, attempt, victims):
     attempt("suites and results", "an environment that another package registers", "refused")
     content = json.loads(victims["results"].path.read_text())
+    content.pop("sha256")  # as a stranger would
     settings = {"suite": {"name": "quick", **SUITE, "envs": ["CartPole-v1"]}, "seed": 0}
     content["record"] = {"settings": settings, "versions": {}, "memories": {}, "command": "x"}
     (tmp_path / "results.json").write_text(json.dumps(content))
