@@ -69,7 +69,10 @@ _COMMON_ARGUMENTS = """\
 | n_actions | 30 | actions in an episode |
 | render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
 | criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
-| overlay | False | whether colour frames carry a caption: outcome, nearest basic action, reward |"""
+| overlay | False | whether colour frames carry a caption: outcome, nearest basic action, reward |
+| width | 640 | of frames, in pixels |
+| height | 480 | of frames, in pixels |
+| camera_name | `"close"` | camera of frames; also `"ringside"`, `"side"`, `"left"`, `"nao/top_camera"` |"""
 _MODULATED = {"n_joints": 8, "n_slow": 10}
 _SHARED = {
     "actions": """\
@@ -94,9 +97,9 @@ One for each PB unit of the memory.""",
 | n_imagined | 0 | movements that `imagine` may imagine in an episode |
 | observation | `"cells"` | `"cells"` (-v0), `"outcomes"`, `"points"`, `"trajectories"` (-v1): see above |""",
     "rendering": """\
-`render` returns: `rgb_array` the last movement at its widest, uint8 (480, 640, 3); `depth_array` how far away
-everything is in that picture [m], float32 (480, 640); `rgb_array_list` a film of all movements since the last call;
-`human` None, it plays the movement in a window.
+`render` returns: `rgb_array` the last movement at its widest, uint8 (height, width, 3); `depth_array` how far away
+everything is in that picture [m], float32 (height, width); `rgb_array_list` a film of all movements since the
+last call; `human` None, it plays the movement in a window.
 
 `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many sub-environments, with the same
 trajectories as separate environments of the same seeds; it also takes `autoreset_mode` and `n_threads`.""",
@@ -221,9 +224,10 @@ class BoxingEnv(RepertoireEnv):
         limits: PhysicalLimits | None = None,
         n_imagined: int = 0,
         observation: str = CELLS,
+        **drawing: Any,
     ) -> None:
         self.limits = checked(PhysicalLimits | None, limits, "limits") or PhysicalLimits()
-        super().__init__(memory, n_actions, render_mode, criteria, overlay, n_imagined, observation)
+        super().__init__(memory, n_actions, render_mode, criteria, overlay, n_imagined, observation, **drawing)
 
     @property
     def performer(self) -> Any:
@@ -301,10 +305,11 @@ class BoxingModulationEnv(RepertoireEnv):
         limits: PhysicalLimits | None = None,
         n_imagined: int = 0,
         observation: str = CELLS,
+        **drawing: Any,
     ) -> None:
         self.physics = checked(bool, physics, "physics")
         self.limits = checked(PhysicalLimits | None, limits, "limits") or PhysicalLimits()
-        super().__init__(memory, n_actions, render_mode, criteria, overlay, n_imagined, observation)
+        super().__init__(memory, n_actions, render_mode, criteria, overlay, n_imagined, observation, **drawing)
 
 
 class BoxingMentalVectorEnv(RepertoireVectorEnv):

@@ -52,6 +52,7 @@ class EpisodeBatch:
         n_imagined: Movements that may be imagined in an episode.
         observation: What is observed: `cells`, or the tries of the episode as far as the `Track` of this name knows.
         rehearsal: Whether a step imagines a movement, and performs one only on demand.
+        drawing: `width`, `height` and `camera_name` of frames, see `Recorder`.
 
     Attributes:
         specs: The memory of each environment's episode.
@@ -78,13 +79,14 @@ class EpisodeBatch:
         n_imagined: int = 0,
         observation: str = CELLS,
         rehearsal: bool = False,
+        **drawing: Any,
     ) -> None:
         self.n_actions = checked(Count, n_actions, "n_actions")
         self.n_imagined = checked(Count if rehearsal else Index, n_imagined, "n_imagined")
         self.criteria = checked(Criteria | None, criteria, "criteria") or Criteria()
         limits = checked(PhysicalLimits | None, limits, "limits")
         self.shared = SharedScene()
-        self.recorder = Recorder(self.shared, render_mode, overlay, n_envs)
+        self.recorder = Recorder(self.shared, render_mode, overlay, n_envs, **drawing)
         self.threads = ThreadPool(n_threads)
         self.memories = MemorySet(memory, self.criteria)
         first = self.memories.first

@@ -87,10 +87,11 @@ class BoxingRehearsalEnv(RepertoireEnv):
         observation: str = Track.TRAJECTORIES.value,
         physics: bool = False,
         limits: PhysicalLimits | None = None,
+        **drawing: Any,
     ) -> None:
         self.physics = checked(bool, physics, "physics")
         self.limits = checked(PhysicalLimits | None, limits, "limits") or PhysicalLimits()
-        super().__init__(memory, n_actions, render_mode, criteria, overlay, n_imagined, observation)
+        super().__init__(memory, n_actions, render_mode, criteria, overlay, n_imagined, observation, **drawing)
 
 
 class BoxingRehearsalVectorEnv(BoxingVectorEnv):

@@ -38,6 +38,8 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         n_imagined: How many movements `imagine` may imagine in an episode.
         observation: What is observed: ``cells`` as in -v0; else every try of the episode, as far as the `Track` of this
             name knows: ``outcomes``, ``points``, or ``trajectories`` as in -v1.
+        drawing: Of frames: ``width`` (640) and ``height`` (480) in pixels, and ``camera_name``: ``close``,
+            ``ringside``, ``side``, ``left`` or ``nao/top_camera``.
 
     Raises:
         NotFoundError: If there is no such memory.
@@ -64,11 +66,12 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         overlay: bool = False,
         n_imagined: int = 0,
         observation: str = CELLS,
+        **drawing: Any,
     ) -> None:
         batch = EpisodeBatch(
             memory, 1, n_actions, criteria, modulated=self._modulated, rehearsal=self._rehearsal,
             limits=self.limits if self.physics else None, render_mode=render_mode, overlay=overlay,
-            n_imagined=n_imagined, observation=observation,
+            n_imagined=n_imagined, observation=observation, **drawing,
         )  # fmt: skip
         self._join(batch, 0)
 
@@ -185,8 +188,8 @@ class RepertoireEnv(Specified, gym.Env[np.ndarray, np.ndarray]):  # pyright: ign
         """Show what was executed since the last call.
 
         Returns:
-            `rgb_array`: the last movement at its widest (before the first action, the guard), uint8 (480, 640, 3).
-            `depth_array`: the same moment as distances from the camera [m], float32 (480, 640).
+            `rgb_array`: the last movement at its widest (before the first action, the guard), uint8 (height, width, 3).
+            `depth_array`: the same moment as distances from the camera [m], float32 (height, width).
             `rgb_array_list`: the film of all movements since the last call, `metadata["render_fps"]` frames a second.
             `human`: None; the movement is played in a window, which opens with the first action; called by `step`.
 

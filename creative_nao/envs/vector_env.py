@@ -47,6 +47,7 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         n_imagined: How many movements each sub-environment may imagine in an episode.
         observation: What is observed, as of the single environment.
         max_episode_steps: Handed over by `gymnasium.make_vec`; the length of an episode is set by `n_actions` alone.
+        drawing: `width`, `height` and `camera_name` of frames, as of the single environment.
 
     Raises:
         NotFoundError: If there is no such memory.
@@ -71,6 +72,7 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         n_imagined: int = 0,
         observation: str = CELLS,
         max_episode_steps: int | None = None,
+        **drawing: Any,
     ) -> None:
         num_envs = checked(Count, num_envs, "num_envs")
         if render_mode == "human":
@@ -85,7 +87,7 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
             modulated=self.single_class._modulated, rehearsal=self.single_class._rehearsal,
             limits=self.limits if self.physics else None,
             n_threads=n_threads, render_mode=render_mode, overlay=overlay,
-            n_imagined=n_imagined, observation=observation,
+            n_imagined=n_imagined, observation=observation, **drawing,
         )  # fmt: skip
         self.num_envs, self.render_mode = num_envs, render_mode
         self.n_actions, self.n_imagined = self._batch.n_actions, self._batch.n_imagined

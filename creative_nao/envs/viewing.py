@@ -7,21 +7,19 @@ from __future__ import annotations
 import functools
 import importlib
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from creative_nao.envs.executors import FRAME_DT_S, Execution, SharedScene
-from creative_nao.errors import MissingDependencyError, SettingsError
+from creative_nao.errors import MissingDependencyError, NotFoundError, SettingsError, nearest_name
 from creative_nao.robot import opengl
-from creative_nao.schema import checked
+from creative_nao.schema import Field, checked
 
 if TYPE_CHECKING:
     from creative_nao.robot.rendering import Renderer
 
-CAMERA = "close"
-FRAME_SIZE = 640, 480
-"""Width and height of a frame in pixels."""
+Pixels = Annotated[int, Field(ge=1, le=4096)]
 RENDER_MODES = ("human", "rgb_array", "rgb_array_list", "depth_array")
 
 
@@ -53,15 +51,34 @@ class Recorder:
         mode: One of `RENDER_MODES` or None.
         overlay: Whether colour frames carry a caption.
         n_envs: How many environments.
+        width: Width of a frame in pixels.
+        height: Height of a frame in pixels.
+        camera_name: A camera of the model.
 
     Raises:
-        SettingsError: If there is no such mode.
+        SettingsError: If there is no such mode or size.
+        NotFoundError: If there is no such camera.
     """
 
-    def __init__(self, shared: SharedScene, mode: str | None, overlay: bool = False, n_envs: int = 1) -> None:
+    def __init__(
+        self,
+        shared: SharedScene,
+        mode: str | None,
+        overlay: bool = False,
+        n_envs: int = 1,
+        width: int = 640,
+        height: int = 480,
+        camera_name: str = "close",
+    ) -> None:
         if checked(str | None, mode, "render_mode") is not None and mode not in RENDER_MODES:
             raise SettingsError(f"`render_mode` should be one of {', '.join(RENDER_MODES)} or None, but is {mode!r}")
         self._shared, self.mode, self._overlay = shared, mode, checked(bool, overlay, "overlay")
+        self._size = checked(Pixels, width, "width"), checked(Pixels, height, "height")
+        self._camera = checked(str, camera_name, "camera_name")
+        if camera_name != "close" and camera_name not in (known := [one.name for one in shared.scene.spec.cameras]):
+            raise NotFoundError(
+                f"no camera `{camera_name}`{nearest_name(camera_name, known)}; the known ones are {', '.join(known)}"
+            )
         self._movements: list[list[tuple[Execution, str]]] = [[] for _ in range(n_envs)]
         self._renderer: Renderer | None = None
         self._window: Any = None
@@ -93,7 +110,9 @@ class Recorder:
         if self.mode in ("rgb_array", "depth_array"):
             arms = last[:, scene.index.arm_qpos]
             widest = last[int(np.linalg.norm(arms - arms[0], axis=1).argmax())]
-            return self._drawing().depth(widest, CAMERA) if self.mode == "depth_array" else self._frame(widest, text)
+            return (
+                self._drawing().depth(widest, self._camera) if self.mode == "depth_array" else self._frame(widest, text)
+            )
         self.clear(env_id)
         if self.mode == "human":
             for frames, _ in films:
@@ -105,11 +124,11 @@ class Recorder:
         if self._renderer is None:
             from creative_nao.robot.rendering import Renderer
 
-            self._renderer = Renderer(self._shared.scene.model, *FRAME_SIZE)
+            self._renderer = Renderer(self._shared.scene.model, *self._size)
         return self._renderer
 
     def _frame(self, snapshot: np.ndarray, text: str) -> np.ndarray:
-        frame = self._drawing().frame(snapshot, CAMERA)
+        frame = self._drawing().frame(snapshot, self._camera)
         return caption(frame, text) if self._overlay and text else frame
 
     def _play(self, frames: np.ndarray) -> None:

@@ -163,6 +163,31 @@ def test_rgb_array_shows_the_robot(name):
     assert np.abs(punch.astype(int) - guard).max() > 100
 
 
+def test_frames_have_the_size_and_camera_asked_for():
+    with gym.make(MENTAL, render_mode="rgb_array", width=64, height=48, camera_name="side") as env:
+        env.reset()
+        side = env.render()
+    with gym.make(MENTAL, render_mode="rgb_array", width=64, height=48) as env:
+        env.reset()
+        close = env.render()
+    assert side.shape == close.shape == (48, 64, 3)
+    assert not np.array_equal(side, close)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"width": 0}, SettingsError, "`width` should be at least 1"),
+        ({"height": 2.5}, SettingsError, "`height` should be a whole number"),
+        ({"width": 10**6}, SettingsError, "`width` should be at most 4096"),
+        ({"camera_name": "sied"}, NotFoundError, r"no camera `sied` \(did you mean `side`\?\)"),
+    ],
+)
+def test_sizes_and_cameras_that_cannot_be_are_named(arguments, error, message):
+    with pytest.raises(error, match=message):
+        gym.make(MENTAL, **arguments)
+
+
 def test_rgb_array_list_is_a_film_of_what_was_performed(name, monkeypatch):
     drawn, pixel = [], np.zeros((1, 1, 3), np.uint8)
     monkeypatch.setattr(Renderer, "frame", lambda renderer, snapshot, camera: drawn.append(snapshot) or pixel)

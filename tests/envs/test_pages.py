@@ -10,6 +10,7 @@ import pytest
 
 from creative_nao.envs import ENVIRONMENTS, BoxingEnv
 from creative_nao.envs.observation import observation_space
+from creative_nao.envs.viewing import Recorder
 from creative_nao.measures.outcome import ALL_OUTCOMES
 from creative_nao.robot import PhysicalLimits
 from creative_nao.robot.performance import FALL_HEIGHT_M, FALL_TILT_RAD
@@ -74,7 +75,10 @@ def test_the_outcomes_are_all_there(env):
 
 def test_the_arguments_and_their_defaults_are_those_of_the_constructor(env):
     rows = table(section(env, "Arguments"))
-    arguments = inspect.signature(type(env).__init__).parameters
+    arguments = dict(inspect.signature(type(env).__init__).parameters)
+    del arguments["drawing"]
+    frames = inspect.signature(Recorder.__init__).parameters
+    arguments |= {name: frames[name] for name in ("width", "height", "camera_name")}
 
     assert {row[0] for row in rows} == set(arguments) - {"self"}
     for name, default, _ in rows:
