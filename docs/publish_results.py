@@ -12,13 +12,27 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from creative_nao import storage
 from creative_nao.errors import SettingsError
 from creative_nao.evaluation.leaderboard import Results, check_published, leaderboard, with_record
-from creative_nao.evaluation.pages import render
+from creative_nao.evaluation.pages import FIGURE_TITLES, render
 from creative_nao.evaluation.paper.page import PAGE, RESULT_FILES, make_page, read_content
-from creative_nao.evaluation.results import Entry, entries_of, naming, read_results, verdict
+from creative_nao.evaluation.results import (
+    Entry,
+    TaughtMemory,
+    compare_conditions,
+    entries_of,
+    naming,
+    read_results,
+    summarise,
+    verdict,
+)
 from creative_nao.evaluation.run import read_record
+from creative_nao.evaluation.statistics import estimate, seed_sequence
+from creative_nao.model.controls import CONTROLS
+from creative_nao.schema import parse
 
 DOCS = Path(__file__).parent
 PAPER_AT = "results/paper"
@@ -37,7 +51,8 @@ def result_page(published: Mapping[str, Results]) -> str:
 
     Args:
         published: Content of each result file, by its path as seen from the page. Suites `search`, `physical`,
-            `performed`, `modulation` and `transfer` have a section each; others stand on the leaderboard alone.
+            `performed`, `modulation`, `transfer` and `gestures` have a section each; others stand on the leaderboard
+            alone.
 
     Raises:
         FileFormatError: If a part of a file is missing.
@@ -137,12 +152,123 @@ def _transfer(results: Results) -> dict[str, Any]:
     return {"taught": results["record"]["settings"]["suite"]["taught"], "entries": entries_of(results, MENTAL)}
 
 
+def _gestures(results: Results) -> dict[str, Any]:
+    """Return figures and agents on recordings beside boxing, and what networks add to controls."""
+    seed, baseline = results["record"]["settings"]["seed"], results["baseline"]
+    memories = [parse(TaughtMemory, values, "memories") for values in results["memories"]]
+    sets = list(dict.fromkeys(one.set for one in memories))
+    groups = {"recordings": [name for name in sets if name != "boxing"], "boxing": ["boxing"]}
+    compared = {
+        group: {
+            entry["condition"]: entry
+            for entry in compare_conditions([one for one in memories if one.set in names], base_seed=seed)
+        }
+        for group, names in groups.items()
+    }
+    conditions = list(compared["boxing"])
+    of = {one.memory: one for one in memories}
+    standing = {}
+    for group, names in groups.items():
+        for kind, chosen in _kinds(conditions).items():
+            rows = [
+                row
+                for row in results["rows"]
+                if of[row["memory"]].set in names and of[row["memory"]].condition in chosen
+            ]
+            standing[group, kind] = {
+                entry["agent"]: entry for entry in summarise(rows, baseline=baseline, base_seed=seed)
+            }
+    ranked = sorted(standing["recordings", "networks"].values(), key=lambda entry: -entry["reward"]["mean"])
+    return {
+        "n_epochs": results["record"]["settings"]["suite"]["taught"]["n_epochs"],
+        "resolution": results["record"]["settings"]["suite"]["resolution"],
+        "n_actions": results["rows"][0]["n_actions"],
+        "n_seeds": len({one.seed for one in memories}),
+        "sets": sets,
+        "compared": compared,
+        "kinds": _kinds(conditions),
+        "worst": {
+            (name, condition): [
+                max(one.reproduction_dtw.values()) for one in memories if (one.set, one.condition) == (name, condition)
+            ]
+            for name in sets
+            for condition in conditions
+        },
+        "titles": FIGURE_TITLES,
+        "groups": groups,
+        "standing": standing,
+        "rewards": {
+            (group, agent, condition): _reward(results, of, names, agent, condition)
+            for group, names in groups.items()
+            for agent in (baseline, ranked[0]["agent"])
+            for condition in ("auto", *_kinds(conditions)["controls"])
+        },
+        "ranked": ranked,
+        "claims": _claims(compared),
+        "added": {
+            name: {key: negative(entry["versus"][key]) for key in FIGURE_TITLES}
+            for name, entry in compared["recordings"].items()
+        },
+    }
+
+
+def _reward(
+    results: Results, of: Mapping[str, TaughtMemory], sets: Sequence[str], agent: str, condition: str
+) -> dict[str, Any]:
+    """Return an agent's reward on the memories of a condition, and its difference from that on those of `auto`."""
+
+    def rewards(kind: str) -> np.ndarray:
+        rows = [row for row in results["rows"] if row["agent"] == agent and of[row["memory"]].set in sets]
+        return np.array([[*row["reward_per_seed"].values()] for row in rows if of[row["memory"]].condition == kind]).T
+
+    rng = np.random.default_rng(seed_sequence(0, agent, condition))
+    gap = rewards(condition) - rewards("auto")
+    return {"mean": estimate(rewards(condition), rng=rng), "gap": estimate(gap, rng=rng)}
+
+
+def negative(found: Mapping[str, float]) -> dict[str, float]:
+    """Return the difference the other way round."""
+    return {"mean": -found["mean"], "low": -found["high"], "high": -found["low"]}
+
+
+def _kinds(conditions: Sequence[str]) -> dict[str, list[str]]:
+    return {
+        "networks": [name for name in conditions if name not in CONTROLS],
+        "controls": [name for name in conditions if name in CONTROLS],
+    }
+
+
+def _claims(compared: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, dict[str, tuple[Any, Any, str]]]]:
+    """Return what boxing and recordings say of closed minus half: interval, interval with other sets, verdict."""
+    found = []
+    for text, figure, sign in CLAIMS:
+        told = {}
+        for group, entries in compared.items():
+            kept, anew = entries["closed"]["versus"][figure], entries["closed"]["versus_other_sets"][figure]
+            decides = kept if group == "boxing" else anew
+            if decides["low"] <= 0.0 <= decides["high"]:
+                verdict_of = "undecided"
+            else:
+                verdict_of = "holds" if decides["low"] * sign > 0.0 else "does not hold"
+            told[group] = kept, anew, verdict_of
+        found.append((text, told))
+    return found
+
+
+CLAIMS = (
+    ("Closed-loop training makes less novel actions than half closed.", "novelty", -1),
+    ("Closed-loop training makes less diverse actions than half closed.", "diversity", -1),
+    ("Closed-loop training makes actions more like the taught ones.", "learned_pct", 1),
+    ("Closed-loop training makes more appropriate actions than half closed.", "appropriate_pct", 1),
+)
+"""What the paper says of closed and half closed training, the figure that decides it, and its sign."""
 SECTIONS = {
     "search": _search,
     "physical": _performed,
     "performed": _performed,
     "modulation": _modulation,
     "transfer": _transfer,
+    "gestures": _gestures,
 }
 """Figures of a suite's section on the page of results, in the order of the page."""
 

@@ -19,7 +19,7 @@ from rich.table import Table
 from creative_nao.cli.terminal import Display, Terminal, print_result
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.evaluation.leaderboard import leaderboard, with_record
-from creative_nao.evaluation.pages import env_label, terminal_table
+from creative_nao.evaluation.pages import conditions_table, env_label, terminal_table
 from creative_nao.evaluation.run import evaluate
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
 from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, check_agent, find_suite
@@ -138,7 +138,8 @@ def run(settings: EvaluateSettings | VerifySettings | LeaderboardSettings) -> in
                 command=command,
                 on_progress=show,
             )
-        return done.results, [terminal_table(done.results)]
+        tables = [terminal_table(done.results)]
+        return done.results, [*tables, conditions_table(done.results)] if "conditions" in done.results else tables
 
     return run_suite(settings, suite.name, command, work, FILES)
 

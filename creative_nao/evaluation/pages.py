@@ -144,6 +144,13 @@ MEASURED_COLUMNS = (
     Column("reward", "reward", 2),
     Column("of oracle [%]", "oracle_share", 1),
 )
+FIGURE_TITLES = {
+    "appropriate_pct": "appropriate [%]",
+    "learned_pct": "learned [%]",
+    "novelty": "novelty [rad]",
+    "diversity": "diversity [rad]",
+}
+"""The paper's four figures of a map."""
 TITLES = (*(column.title.replace(" [", "\n[") for column in MEASURED_COLUMNS), "actions\ngenerated", "seconds")
 SUMMARY_TITLES = (
     "reward\n(mean)",
@@ -222,6 +229,21 @@ def terminal_table(results: Mapping[str, Any]) -> Table:
         last = place + 1 == len(entries) or entries[place + 1]["env"] != entry["env"]
         texts = ["\n".join(filter(None, cell)) for cell in (summary_cells if several else cells)(entry)]
         table.add_row(entry["agent"], env_label(entry["env"]), *texts, end_section=last)
+    return table
+
+
+def conditions_table(results: Mapping[str, Any]) -> Table:
+    """Return the paper's figures condition by condition for a terminal; `results` has `conditions`."""
+    table = Table(
+        title="Memories by condition: maps, means over seeds and sets with 95 % intervals below",
+        caption="Back: memories that give every basic action back. Set by set and the differences: results.json.",
+    )
+    table.add_column("condition", style="bold")
+    for title in ("back", *FIGURE_TITLES.values()):
+        table.add_column(title, justify="right")
+    for entry in results["conditions"]:
+        texts = (interval(entry["figures"][key], 1).replace(" ", "\n", 1) for key in FIGURE_TITLES)
+        table.add_row(entry["condition"], f"{entry['n_recalled']} of {entry['n_memories']}", *texts)
     return table
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from creative_nao import storage
 from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError
 from creative_nao.evaluation.jobs import Job
+from creative_nao.evaluation.pages import FIGURE_TITLES
 from creative_nao.evaluation.protocol import Episode
 from creative_nao.evaluation.statistics import (
     compare,
@@ -32,6 +33,8 @@ from creative_nao.evaluation.statistics import (
     seed_sequence,
 )
 from creative_nao.evaluation.suites import Suite, actions_before, trained_here
+from creative_nao.measures.outcome import PAPER_CRITERIA
+from creative_nao.model.controls import CONTROLS
 from creative_nao.schema import Count, Field, Text, dump, must, parse, record
 
 Row = Mapping[str, Any]
@@ -192,8 +195,7 @@ class TaughtMemory:
     seconds: float
 
 
-PAPER_FIGURES = ("appropriate_pct", "learned_pct", "novelty", "diversity")
-"""The paper's four figures of a memory's map."""
+THRESHOLD_RAD = PAPER_CRITERIA.learned_threshold
 
 
 @dataclass(frozen=True)
@@ -255,56 +257,52 @@ def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[st
     }
     if measured.taught:
         results["memories"] = [dump(one) for one in measured.taught]
-        results["conditions"] = compare_conditions(measured.taught, rows, suite.baseline, base_seed)
+        results["conditions"] = compare_conditions(measured.taught, base_seed)
     return results
 
 
-def compare_conditions(
-    taught: Sequence[TaughtMemory], rows: Sequence[Row], baseline: str, base_seed: int
-) -> list[dict[str, Any]]:
-    """Return an entry for each condition: the paper's figures over its memories, and the agents' standing on them.
+def compare_conditions(taught: Sequence[TaughtMemory], base_seed: int) -> list[dict[str, Any]]:
+    """Return an entry for each condition with the paper's figures over the maps of its memories.
 
-    `figures` are means over seeds and sets, `per_set` the same set by set, `versus` the differences from the condition
-    `auto` (from the first, without it) for the same sets and seeds, `versus_other_sets` with the sets drawn anew too.
-    A figure that a memory lacks, without usable movements, counts as 0.
+    `figures` are means over seeds and sets, `per_set` the same set by set; `n_recalled` counts the memories that give
+    every action back. `versus` are the differences from the condition `reference` on the same sets and seeds,
+    `versus_other_sets` with the sets drawn anew too: a network's reference is `half`, or the first network, a control's
+    the network whose PB points it takes. A figure that a map without usable movements lacks counts as 0.
     """
     conditions, sets = (list(dict.fromkeys(getattr(one, key) for one in taught)) for key in ("condition", "set"))
-    reference = "auto" if "auto" in conditions else conditions[0]
-    values = {
-        (condition, figure): np.array(
-            [[getattr(m, figure) or 0.0 for m in taught if (m.condition, m.set) == (condition, name)] for name in sets]
-        ).T
-        for condition in conditions
-        for figure in PAPER_FIGURES
-    }  # each (seeds, sets)
+    networks = [name for name in conditions if name not in CONTROLS]
+
+    def values(condition: str, figure: str) -> np.ndarray:  # (seeds, sets)
+        own = [one for one in taught if one.condition == condition]
+        return np.array([[getattr(one, figure) or 0.0 for one in own if one.set == name] for name in sets]).T
 
     def rng(*parts: str) -> np.random.Generator:
         return np.random.default_rng(seed_sequence(base_seed, "conditions", *parts))
 
     found = []
-    for condition in conditions:
-        memories = {one.memory for one in taught if one.condition == condition}
-        own = {figure: values[condition, figure] for figure in PAPER_FIGURES}
-        entry: dict[str, Any] = {
+    for place, condition in enumerate(conditions):
+        first = "half" if "half" in networks else networks[0]
+        network = [name for name in conditions[:place] if name in networks]
+        reference = network[-1] if condition in CONTROLS else first
+        own = {figure: values(condition, figure) for figure in FIGURE_TITLES}
+        gaps = {figure: array - values(reference, figure) for figure, array in own.items()}
+        per_set = {
+            name: {key: estimate(array[:, k], rng=rng(condition, key, name)) for key, array in own.items()}
+            for k, name in enumerate(sets)
+        }
+        memories = [one for one in taught if one.condition == condition]
+        found.append({
             "condition": condition,
             "n_memories": len(memories),
+            "n_recalled": sum(max(one.reproduction_dtw.values()) <= THRESHOLD_RAD for one in memories),
             "figures": {key: estimate(array, rng=rng(condition, key)) for key, array in own.items()},
-            "per_set": {
-                name: {key: estimate(array[:, k], rng=rng(condition, key, name)) for key, array in own.items()}
-                for k, name in enumerate(sets)
-            },
+            "per_set": per_set,
             "reference": reference,
-            "versus": None,
-            "versus_other_sets": None,
-            "agents": summarise([r for r in rows if r["memory"] in memories], baseline=baseline, base_seed=base_seed),
-        }
-        if condition != reference:
-            gaps = {key: array - values[reference, key] for key, array in own.items()}
-            entry["versus"] = {key: estimate(gap, rng=rng(condition, key, "versus")) for key, gap in gaps.items()}
-            entry["versus_other_sets"] = {
+            "versus": {key: estimate(gap, rng=rng(condition, key, "versus")) for key, gap in gaps.items()},
+            "versus_other_sets": {
                 key: estimate_over_tasks(gap, rng=rng(condition, key, "sets")) for key, gap in gaps.items()
-            }
-        found.append(entry)
+            },
+        })  # fmt: skip
     return found
 
 
