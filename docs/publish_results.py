@@ -204,6 +204,7 @@ def _gestures(results: Results) -> dict[str, Any]:
             for condition in ("auto", *_kinds(conditions)["controls"])
         },
         "ranked": ranked,
+        "base": baseline,
         "claims": _claims(compared),
         "added": {
             name: {key: negative(entry["versus"][key]) for key in FIGURE_TITLES}
