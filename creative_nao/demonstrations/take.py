@@ -136,8 +136,9 @@ def _from_table(path: Path, content: bytes, reading: Reading) -> tuple[np.ndarra
 
 
 def _from_bvh(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    head = content.partition(b"MOTION")[0]
-    if head.count(b"JOINT") > _MAX_JOINTS:
+    text = storage.as_text(content, f"{path}", "take")
+    head = text.partition("MOTION")[0]
+    if head.count("JOINT") > _MAX_JOINTS:
         raise FileFormatError(f"{path}: has more than {_MAX_JOINTS} joints.")
     try:
         pybvh: Any = importlib.import_module("pybvh")
@@ -148,7 +149,7 @@ def _from_bvh(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray, list[
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         copy = Path(folder) / "take.bvh"
-        copy.write_bytes(content)
+        copy.write_bytes(text.encode("ascii", "replace"))  # it is read again in the encoding of the locale
         try:
             body = pybvh.read_bvh_file(copy, world_up="+y")
             angles, names = np.asarray(body.joint_angles), [_bare(name) for name in body.joint_names]

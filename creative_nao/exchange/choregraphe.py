@@ -200,7 +200,7 @@ class _Xml:
         from xml.parsers import expat
 
         self.path, self.timelines, self.postures = path, list[dict[str, Any]](), list[dict[str, Any]]()
-        self.parser = expat.ParserCreate()
+        self.parser = expat.ParserCreate("utf-8")
         self.parser.buffer_text = True
         self.parser.StartElementHandler, self.parser.EndElementHandler = self._start, self._end
         self.parser.CharacterDataHandler, self.parser.StartDoctypeDeclHandler = self._text, self._doctype
@@ -295,7 +295,7 @@ def read_timeline(path: Path, content: bytes, reading: Reading = NOTHING_SAID) -
     postures of a library follow each other at `reading.rate`.
     """
     xml = _Xml(path)
-    xml.parse(content)
+    xml.parse(text_of(path, content).encode())
     found = [keys for timeline in xml.timelines if timeline["curves"] for keys in _timeline(path, timeline)]
     if not found and xml.postures:
         return [_postures(path, xml.postures, reading)]

@@ -72,7 +72,7 @@ def write_bvh(motion: Motion, path: Path) -> list[str]:
         turns[:, names.index(f"{side}ForeArm"), 1] = degrees[:, first + 3]
     lines += ["MOTION", f"Frames: {len(turns)}", f"Frame Time: {motion.dt_s:.9g}"]
     root = f"0 {_HIP_HEIGHT_CM} 0 "
-    lines += [root + " ".join(f"{angle:.7f}" for angle in frame.ravel()) for frame in turns]
+    lines += [root + " ".join(f"{angle:.9g}" for angle in frame.ravel()) for frame in turns]
     storage.write_text(path, "\n".join(lines) + "\n")
     return ["a skeleton in centimetres, y up, facing z"]
 

@@ -6,6 +6,7 @@ fails `test_every_reader_is_tried`.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,10 +26,12 @@ from creative_nao.agents.resume import save_checkpoint as save_agent_checkpoint
 from creative_nao.agents.settings import check_entry, read_hyperparameters
 from creative_nao.agents.training import PPOSettings
 from creative_nao.cli.explore import choices
-from creative_nao.demonstrations import Demonstrations, load_demonstrations
+from creative_nao.demonstrations import Demonstrations, from_motion, load_demonstrations, load_take
 from creative_nao.demonstrations.files import load_trajectory, save_trajectory
+from creative_nao.demonstrations.take import LANDMARKS
 from creative_nao.envs import EnvState
 from creative_nao.envs.physical_map import FIGURES, PhysicalMap
+from creative_nao.errors import FileFormatError
 from creative_nao.evaluation.jobs import Job, read_result, read_spec, write_result, write_spec
 from creative_nao.evaluation.leaderboard import with_record
 from creative_nao.evaluation.results import read_results, write_results
@@ -49,8 +52,13 @@ TENSORS = ("memory", "checkpoint", "bundle", "zoo_bundle", "state", "agent_check
 ARCHIVES = ("map", "physical", "unfinished", "motion_npz")
 JSONS = ("session", "record", "results", "published", "job", "job_result", "taught", "motion_json", "motion_ros_json")
 TABLES = ("csv", "motion_csv", "episodes", "training_log")
-TEXTS = (*JSONS, *TABLES, "yaml", "toml", "motion_ros", "motion_py", "motion_webots")
+TEXTS = (
+    *JSONS, *TABLES, "yaml", "toml", "motion_ros", "motion_states", "motion_py", "motion_program", "motion_webots",
+    "motion_timeline", "motion_postures", "take_csv", "take_bvh",
+)  # fmt: skip
 KINDS = (*TENSORS, *ARCHIVES, *TEXTS)
+FOREIGN = ("motion_states", "motion_program", "motion_timeline", "motion_postures", "take_csv", "take_bvh")
+"""What other programs write; no release of this one did."""
 
 READERS = {
     "creative_nao/agents/bundle.py": ("bundle", "zoo_bundle"),
@@ -59,6 +67,7 @@ READERS = {
     "creative_nao/agents/callbacks.py": ("training_log",),
     "creative_nao/cli/explore.py": ("episodes",),
     "creative_nao/demonstrations/files.py": ("csv", "taught"),
+    "creative_nao/demonstrations/take.py": ("take_csv", "take_bvh"),
     "creative_nao/envs/physical_map.py": ("physical", "unfinished"),
     "creative_nao/envs/state.py": ("state",),
     "creative_nao/evaluation/run.py": ("record", "published"),
@@ -70,8 +79,12 @@ READERS = {
         "motion_json",
         "motion_npz",
         "motion_ros",
+        "motion_states",
         "motion_py",
+        "motion_program",
         "motion_webots",
+        "motion_timeline",
+        "motion_postures",
     ),
     "creative_nao/explorer/state.py": ("session",),
     "creative_nao/model/training.py": ("checkpoint",),
@@ -169,6 +182,7 @@ def make_victims(folder: Path) -> dict[str, Victim]:
         **_run_folder(folder / "run"),
         **_jobs(folder / "work"),
         **_motions(folder),
+        **_takes(folder),
     }
     assert set(found) == set(KINDS)
     return found
@@ -339,12 +353,93 @@ def _motions(folder: Path) -> dict[str, Victim]:
         "motion_json": ("move.json", "json"), "motion_ros": ("move.yaml", "ros"),
         "motion_ros_json": ("ros.json", "ros"), "motion_webots": ("move.motion", "webots"),
     }  # fmt: skip
+    found = {kind: (exchange.write(folder / name, motion, form).path, form) for kind, (name, form) in names.items()}
+    texts = {
+        "motion_states": ("states.yaml", "ros", STATES), "motion_program": ("program.py", "naoqi", PROGRAM),
+        "motion_timeline": ("wave.xar", "choregraphe", TIMELINE),
+        "motion_postures": ("poses.xap", "choregraphe", POSTURES),
+    }  # fmt: skip
+    for kind, (name, form, text) in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+        found[kind] = folder / name, form
+    reading = exchange.Reading(rate=10.0)
     return {
         kind: Victim(
-            exchange.write(folder / name, motion, chosen).path,
-            lambda path, chosen=chosen: exchange.read(path, joints=("RElbowYaw",), format=chosen),
-            torn=kind in ("motion_json", "motion_ros_json", "motion_npz"),
-            use=lambda recording: _finite(recording.motion.angles),
+            path,
+            lambda path, form=form, rate=reading if kind == "motion_postures" else None: exchange.read_all(
+                path, joints=("RElbowYaw",), format=form, reading=rate
+            ),
+            torn=kind in ("motion_json", "motion_ros_json", "motion_npz", "motion_timeline", "motion_postures"),
+            use=lambda recordings: [_finite(recording.motion.angles) for recording in recordings],
         )
-        for kind, (name, chosen) in names.items()
+        for kind, (path, form) in found.items()
     }
+
+
+STATES = "".join(
+    f"header:\n  stamp:\n    sec: 12\n    nanosec: {k}00000000\n  frame_id: ''\nname: [RElbowYaw, LElbowYaw]\n"
+    f"position:\n- 0.{k}\n- -0.{k}\nvelocity: []\n---\n"
+    for k in range(1, 5)
+)
+PROGRAM = """# -*- coding: utf-8 -*-
+from naoqi import ALProxy
+import almath
+def wave(motion, names, times, keys):
+    motion.angleInterpolation(names, keys, times, True)
+names, times, keys = list(), list(), []
+names.append("RElbowYaw"); times.append([0.5, 1.0, 1.5]); keys.append([0.1, 20 * almath.TO_RAD, 0.3])
+try:
+    motion = ALProxy("ALMotion", "robot.local", 9559)
+    wave(motion, names, times, keys)
+except BaseException, err:
+    print err
+if motion: print "again"
+names = ["RElbowYaw"]
+times = [[0.5, 1.0]]
+keys = [[[0.1, [3, -0.1, 0], [3, 0.1, 0]], [0.4, [3, -0.1, 0], [3, 0, 0]]]]
+motion.angleInterpolationBezier(names, times, keys)
+"""
+TIMELINE = """<?xml version="1.0" encoding="UTF-8"?>
+<ChoregrapheProject xmlns="http://www.aldebaran-robotics.com/schema/choregraphe/project.xsd" xar_version="3">
+<Box name="wave" id="1"><Timeline enable="1" fps="25" start_frame="1" end_frame="-1" size="40">
+<ActuatorList model="nao"><ActuatorCurve name="value" actuator="RElbowYaw" mute="0" unit="0">
+<Key frame="10" value="11.4"><Tangent side="right" interpType="bezier" abscissaParam="5" ordinateParam="0"/></Key>
+<Key frame="25" value="-22.9"/><Key frame="40" value="0.0"/></ActuatorCurve></ActuatorList>
+<BehaviorLayer name="b"/></Timeline></Box></ChoregrapheProject>
+"""
+POSTURES = """<?xml version="1.0"?><library>""" + "".join(
+    f"<position><version>2</version><name>p{k}</name><Motors><Motor><name>RElbowYaw</name><value>0.{k}</value></Motor>"
+    "</Motors></position>"
+    for k in range(1, 5)
+) + "</library>"  # fmt: skip
+
+
+def _takes(folder: Path) -> dict[str, Victim]:
+    """A body that stands and moves one forearm, as a table; and our robot as a skeleton."""
+    n = 20
+    places = np.tile(
+        [[-0.2, 0.5, 0], [-0.25, 0.25, 0], [-0.25, 0.25, 0.25], [0.2, 0.5, 0], [0.25, 0.25, 0], [0.25, 0.25, 0.25],
+         [-0.1, 0, 0], [0.1, 0, 0]], (n, 1, 1),
+    )  # fmt: skip
+    swing = np.sin(np.arange(n) / 4)
+    places[:, 2] = places[:, 1] + 0.25 * np.stack([0 * swing, np.sin(swing), np.cos(swing)], axis=1)
+    names = [f"{name}_{axis}" for name in LANDMARKS for axis in "xyz"]
+    rows = np.column_stack([np.arange(n) / 30, places.reshape(n, -1)])
+    np.savetxt(folder / "body.csv", rows, delimiter=",", header=",".join(["time_s", *names]), comments="", fmt="%.3f")
+    angles = load_demonstrations().trajectories[0][10:20].round(3)
+    body = exchange.write(folder / "body.bvh", exchange.Motion(angles, 0.1), unsafe="keep").path
+    use = lambda take: _finite(np.concatenate([one.angles for one in from_motion(take, {"a": [(0.0, 0.5)]})]))  # noqa: E731
+    return {
+        "take_csv": Victim(folder / "body.csv", load_take, torn=False, use=_usable(use)),
+        "take_bvh": Victim(body, load_take, torn=False, use=_usable(use)),
+    }
+
+
+def _usable(use: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """What a take lets in may still lack landmarks where an action is cut: one of our own errors then."""
+
+    def tried(take: Any) -> None:
+        with contextlib.suppress(FileFormatError):
+            use(take)
+
+    return tried
