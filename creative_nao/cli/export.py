@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,36 +13,31 @@ import tyro
 
 from creative_nao import exchange, runtime, storage
 from creative_nao.cli.terminal import Display, print_result
-from creative_nao.errors import MissingDependencyError, SettingsError
+from creative_nao.errors import SettingsError
 from creative_nao.exchange import NOTHING_SAID, Exported, Motion, Reading, Recording, Unsafe, made_safe
 from creative_nao.joints import JOINTS
 
 FILM_ENDINGS = {"gif": (".gif",), "mp4": (".mp4",)}
 """Ending of each kind of film."""
-_QUALITY = 7
-"""Of an MP4, of 10; about 60 KiB a second at 640 x 480."""
 
 
 def _film(settings: ExportSettings, motion: Motion, format: str) -> Exported:
     """Check a movement, let the robot perform it in the simulator, draw it and write the film in one step."""
-    path, width, height = settings.out, settings.width, settings.height
+    from creative_nao.robot import film
+
+    path = settings.out
     if path.suffix.lower() not in FILM_ENDINGS[format]:
         raise SettingsError(f"a film of the format {format} should end in {FILM_ENDINGS[format][0]}, but is {path}.")
     if format == "mp4":
-        _ffmpeg()  # before minutes of drawing
-        if width % 2 or height % 2:
-            raise SettingsError(f"width and height of an MP4 should be even, but are {width} and {height}.")
+        film.ffmpeg()  # before minutes of drawing
+        film.check_even(settings.width, settings.height)
     if motion.joints != JOINTS:
         raise SettingsError(f"the simulated robot performs {', '.join(JOINTS)}; this movement has other joints.")
     safe, changes = made_safe(motion, settings.unsafe)
     snapshots, frame_dt_s, notes = _snapshots(safe, settings.imagined)
     images = _drawn(snapshots, settings)
-    if format == "gif":
-        from creative_nao.robot import write_gif
-
-        write_gif(images, path, frame_dt_s=frame_dt_s)
-    else:
-        _write_mp4(images, path, frame_dt_s)
+    write = film.write_gif if format == "gif" else film.write_mp4
+    write(images, path, frame_dt_s=frame_dt_s)
     record = None
     if safe.metadata:
         record = path.with_name(path.name + ".record.json")
@@ -79,31 +73,6 @@ def _drawn(snapshots: np.ndarray, settings: ExportSettings) -> list[np.ndarray]:
             images.append(renderer.frame(qpos, settings.camera))
             display.show("frames", len(images))
     return images
-
-
-def _ffmpeg() -> Any:
-    """Return the module of the optional package."""
-    try:
-        return importlib.import_module("imageio_ffmpeg")
-    except ImportError as error:
-        raise MissingDependencyError(
-            "an MP4 needs imageio-ffmpeg (the extra `video`): run `pip install imageio-ffmpeg`, "
-            "or export a GIF, which needs nothing."
-        ) from error
-
-
-def _write_mp4(images: list[np.ndarray], path: Path, frame_dt_s: float) -> None:
-    height, width = images[0].shape[:2]
-    with storage.replacing(path) as temporary:
-        film = _ffmpeg().write_frames(
-            str(temporary), (width, height), fps=1 / frame_dt_s, codec="libx264", quality=_QUALITY, macro_block_size=2
-        )
-        try:
-            film.send(None)
-            for image in images:
-                film.send(np.ascontiguousarray(image))
-        finally:
-            film.close()
 
 
 Format = Literal["csv", "npz", "naoqi", "json", "ros", "webots", "bvh", "gif", "mp4"]

@@ -5,7 +5,8 @@
 - Performing: `Performer`, `PlaybackSettings`, `Performance`, `Hits`
 - Domain randomisation: `RobotVariation`, `Varied`
 - Physical failures: `PhysicalLimits`, `failures`, `first_failure`, `PHYSICAL_FAILURES`
-- Drawing: `Renderer`, `can_draw`, `pictures`, `moments`, `film_strip`, `write_gif`, `imagined_frames`
+- Drawing: `Renderer`, `can_draw`, `pictures`, `moments`, `film_strip`, `write_gif`, `write_mp4`,
+  `imagined_frames`
 
 Names load at first use: importing this package alone loads neither MuJoCo nor GL.
 """

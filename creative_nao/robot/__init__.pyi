@@ -4,6 +4,7 @@ from .film import (
     moments,
     pictures,
     write_gif,
+    write_mp4,
 )
 from .performance import (
     PHYSICAL_FAILURES,
@@ -72,4 +73,5 @@ __all__ = [
     "place",
     "posture",
     "write_gif",
+    "write_mp4",
 ]

@@ -1,16 +1,17 @@
-"""Films of a performance, or of a trajectory without physics: film strips (PNG) and animations (GIF)."""
+"""Films of a performance, or of a trajectory without physics: film strips (PNG) and animations (GIF, MP4)."""
 
 from __future__ import annotations
 
+import importlib
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
 from creative_nao import storage
-from creative_nao.errors import ShapeError
+from creative_nao.errors import MissingDependencyError, SettingsError, ShapeError
 from creative_nao.joints import JOINTS, joint_angles
 from creative_nao.robot import interpolation
 from creative_nao.robot.rendering import Renderer
@@ -19,6 +20,7 @@ from creative_nao.schema import Count, Field, Positive, checked
 
 _GAP_PX = 4
 _PALETTE_SAMPLES = 4
+_QUALITY = 7  # of an MP4, of 10; about 60 KiB a second at 640 x 480
 
 
 def imagined_frames(scene: Scene, trajectory: np.ndarray, dt_s: float, *, frame_dt_s: float = 0.05) -> np.ndarray:
@@ -87,6 +89,42 @@ def write_gif(images: Sequence[np.ndarray], path: str | os.PathLike[str], *, fra
             temporary, format="GIF", save_all=True, append_images=rest, duration=round(frame_dt_s * 1000), loop=0,
             optimize=True, disposal=1,
         )  # fmt: skip
+    return Path(path)
+
+
+def ffmpeg() -> Any:
+    """Return the module of the optional package that writes MP4; without it MissingDependencyError is raised."""
+    try:
+        return importlib.import_module("imageio_ffmpeg")
+    except ImportError as error:
+        raise MissingDependencyError(
+            "an MP4 needs imageio-ffmpeg (the extra `video`): run `pip install imageio-ffmpeg`, "
+            "or write a GIF (`robot.write_gif`), which needs nothing."
+        ) from error
+
+
+def check_even(width: int, height: int) -> None:
+    """Refuse pictures that no MP4 can hold."""
+    if width % 2 or height % 2:
+        raise SettingsError(f"width and height of an MP4 should be even, but are {width} and {height}.")
+
+
+def write_mp4(images: Sequence[np.ndarray], path: str | os.PathLike[str], *, frame_dt_s: float) -> Path:
+    """Write pictures of even width and height as an MP4 and return its path; it needs the extra `video`."""
+    _check(images)
+    height, width = images[0].shape[:2]
+    check_even(width, height)
+    fps = 1 / checked(Positive, frame_dt_s, "frame_dt_s")
+    with storage.replacing(path) as temporary:
+        film = ffmpeg().write_frames(
+            str(temporary), (width, height), fps=fps, codec="libx264", quality=_QUALITY, macro_block_size=2
+        )
+        try:
+            film.send(None)
+            for image in images:
+                film.send(np.ascontiguousarray(image))
+        finally:
+            film.close()
     return Path(path)
 
 

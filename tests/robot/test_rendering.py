@@ -18,6 +18,7 @@ from creative_nao.robot import (
     opengl,
     pictures,
     write_gif,
+    write_mp4,
 )
 
 needs_gl = pytest.mark.skipif(not can_draw(), reason="this machine has no off-screen GL")
@@ -224,6 +225,18 @@ def test_a_gif_stores_only_what_changes(tmp_path):
         for number, image in enumerate(images):
             gif.seek(number)
             np.testing.assert_array_equal(np.asarray(gif.convert("RGB")), image)
+
+
+def test_an_mp4_says_what_it_needs_and_what_needs_nothing(tmp_path, monkeypatch):
+    image = np.zeros((20, 30, 3), np.uint8)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(
+        MissingDependencyError, match=r"pip install imageio-ffmpeg`, or write a GIF \(`robot.write_gif`\)"
+    ):
+        write_mp4([image], tmp_path / "a.mp4", frame_dt_s=0.05)
+    with pytest.raises(SettingsError, match="should be even, but are 30 and 19"):
+        write_mp4([image[:19]], tmp_path / "a.mp4", frame_dt_s=0.05)
+    assert not list(tmp_path.iterdir())
 
 
 def test_moments_keep_the_first_and_the_last():
