@@ -21,7 +21,6 @@ from creative_nao.evaluation.pages import FIGURE_TITLES, render
 from creative_nao.evaluation.paper.page import PAGE, RESULT_FILES, make_page, read_content
 from creative_nao.evaluation.results import (
     Entry,
-    TaughtMemory,
     compare_conditions,
     entries_of,
     naming,
@@ -32,7 +31,6 @@ from creative_nao.evaluation.results import (
 from creative_nao.evaluation.run import read_record
 from creative_nao.evaluation.statistics import estimate, seed_sequence
 from creative_nao.model.controls import CONTROLS
-from creative_nao.schema import parse
 
 DOCS = Path(__file__).parent
 PAPER_AT = "results/paper"
@@ -155,25 +153,25 @@ def _transfer(results: Results) -> dict[str, Any]:
 def _gestures(results: Results) -> dict[str, Any]:
     """Return figures and agents on recordings beside boxing, and what networks add to controls."""
     seed, baseline = results["record"]["settings"]["seed"], results["baseline"]
-    memories = [parse(TaughtMemory, values, "memories") for values in results["memories"]]
-    sets = list(dict.fromkeys(one.set for one in memories))
+    memories = results["memories"]
+    sets = list(dict.fromkeys(one["set"] for one in memories))
     groups = {"recordings": [name for name in sets if name != "boxing"], "boxing": ["boxing"]}
     compared = {
         group: {
             entry["condition"]: entry
-            for entry in compare_conditions([one for one in memories if one.set in names], base_seed=seed)
+            for entry in compare_conditions([one for one in memories if one["set"] in names], base_seed=seed)
         }
         for group, names in groups.items()
     }
     conditions = list(compared["boxing"])
-    of = {one.memory: one for one in memories}
+    of = {one["memory"]: one for one in memories}
     standing = {}
     for group, names in groups.items():
         for kind, chosen in _kinds(conditions).items():
             rows = [
                 row
                 for row in results["rows"]
-                if of[row["memory"]].set in names and of[row["memory"]].condition in chosen
+                if of[row["memory"]]["set"] in names and of[row["memory"]]["condition"] in chosen
             ]
             standing[group, kind] = {
                 entry["agent"]: entry for entry in summarise(rows, baseline=baseline, base_seed=seed)
@@ -183,13 +181,15 @@ def _gestures(results: Results) -> dict[str, Any]:
         "n_epochs": results["record"]["settings"]["suite"]["taught"]["n_epochs"],
         "resolution": results["record"]["settings"]["suite"]["resolution"],
         "n_actions": results["rows"][0]["n_actions"],
-        "n_seeds": len({one.seed for one in memories}),
+        "n_seeds": len({one["seed"] for one in memories}),
         "sets": sets,
         "compared": compared,
         "kinds": _kinds(conditions),
         "worst": {
             (name, condition): [
-                max(one.reproduction_dtw.values()) for one in memories if (one.set, one.condition) == (name, condition)
+                max(one["reproduction_dtw"].values())
+                for one in memories
+                if (one["set"], one["condition"]) == (name, condition)
             ]
             for name in sets
             for condition in conditions
@@ -214,13 +214,15 @@ def _gestures(results: Results) -> dict[str, Any]:
 
 
 def _reward(
-    results: Results, of: Mapping[str, TaughtMemory], sets: Sequence[str], agent: str, condition: str
+    results: Results, of: Mapping[str, Mapping[str, Any]], sets: Sequence[str], agent: str, condition: str
 ) -> dict[str, Any]:
     """Return an agent's reward on the memories of a condition, and its difference from that on those of `auto`."""
 
     def rewards(kind: str) -> np.ndarray:
-        rows = [row for row in results["rows"] if row["agent"] == agent and of[row["memory"]].set in sets]
-        return np.array([[*row["reward_per_seed"].values()] for row in rows if of[row["memory"]].condition == kind]).T
+        rows = [row for row in results["rows"] if row["agent"] == agent and of[row["memory"]]["set"] in sets]
+        return np.array(
+            [[*row["reward_per_seed"].values()] for row in rows if of[row["memory"]]["condition"] == kind]
+        ).T
 
     rng = np.random.default_rng(seed_sequence(0, agent, condition))
     gap = rewards(condition) - rewards("auto")

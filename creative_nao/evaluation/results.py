@@ -35,7 +35,7 @@ from creative_nao.evaluation.statistics import (
 from creative_nao.evaluation.suites import Suite, actions_before, trained_here
 from creative_nao.measures.outcome import PAPER_CRITERIA
 from creative_nao.model.controls import CONTROLS
-from creative_nao.schema import Count, Field, Text, dump, must, parse, record
+from creative_nao.schema import Count, Field, Text, must, parse, record
 
 Row = Mapping[str, Any]
 Entry = Mapping[str, Any]
@@ -173,28 +173,6 @@ class Oracle:
     """Share of each outcome on the map."""
 
 
-@record
-class TaughtMemory:
-    """A memory that was trained in the run folder under one of several conditions."""
-
-    memory: str
-    set: str
-    condition: str
-    seed: int
-    reproduction_dtw: dict[str, float]
-    """How far each basic action is from what its PB value generates [rad]."""
-    attempts: tuple[int, ...]
-    """Epochs of each attempt, of the condition `auto`."""
-    appropriate_pct: float
-    learned_pct: float
-    unlearned_pct: float
-    fluctuating_pct: float
-    non_moving_pct: float
-    novelty: float | None
-    diversity: float | None
-    seconds: float
-
-
 THRESHOLD_RAD = PAPER_CRITERIA.learned_threshold
 
 
@@ -205,7 +183,8 @@ class Measured:
     episodes: tuple[Episode, ...]
     trainings: tuple[Training, ...]
     oracles: dict[str, Oracle]
-    taught: tuple[TaughtMemory, ...] = ()
+    taught: tuple[dict[str, Any], ...] = ()
+    """What was told of each memory of a set that was trained in the run folder (`job_handlers.train_set`)."""
 
     def of(self, memory: str, env: str, agent: str) -> list[Episode]:
         """Return an agent's episodes in an environment on a memory, seed by seed."""
@@ -221,7 +200,7 @@ def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, A
     episodes: list[Episode] = []
     trainings: list[Training] = []
     oracles: dict[str, Oracle] = {}
-    taught: list[TaughtMemory] = []
+    taught: list[dict[str, Any]] = []
     for job in jobs:
         spec, result, where = job.spec, done[job.name], f"result of job {job.name}"
         if job.kind == "play":
@@ -231,7 +210,7 @@ def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, A
             values = {name: result[f"oracle_{name}"] for name in ("pb", "rewards")}
             oracles[memory] = parse(Oracle, {"memory": memory, "shares_pct": result["shares_pct"], **values}, where)
         elif job.kind == "teach-set":
-            taught += [parse(TaughtMemory, values, where) for values in result["memories"]]
+            taught += result["memories"]
         elif job.kind == "train":
             values = {name: result[name] for name in ("seed", "n_actions", "reward", "seconds")}
             values |= {"agent": spec["agent"], "memory": spec["memory"]["name"]}
@@ -240,7 +219,7 @@ def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, A
         key=lambda e: (suite.memories.index(e.memory), suite.envs.index(e.env), suite.agents.index(e.agent), e.seed)
     )
     trainings.sort(key=lambda t: (t.memory, t.agent, t.seed))
-    taught.sort(key=lambda one: suite.memories.index(one.memory))
+    taught.sort(key=lambda one: suite.memories.index(one["memory"]))
     return Measured(tuple(episodes), tuple(trainings), oracles, tuple(taught))
 
 
@@ -256,12 +235,12 @@ def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[st
         "summary": summarise(rows, baseline=suite.baseline, base_seed=base_seed),
     }
     if measured.taught:
-        results["memories"] = [dump(one) for one in measured.taught]
+        results["memories"] = list(measured.taught)
         results["conditions"] = compare_conditions(measured.taught, base_seed)
     return results
 
 
-def compare_conditions(taught: Sequence[TaughtMemory], base_seed: int) -> list[dict[str, Any]]:
+def compare_conditions(taught: Sequence[Mapping[str, Any]], base_seed: int) -> list[dict[str, Any]]:
     """Return an entry for each condition with the paper's figures over the maps of its memories.
 
     `figures` are means over seeds and sets, `per_set` the same set by set; `n_recalled` counts the memories that give
@@ -269,12 +248,12 @@ def compare_conditions(taught: Sequence[TaughtMemory], base_seed: int) -> list[d
     `versus_other_sets` with the sets drawn anew too: a network's reference is `half`, or the first network, a control's
     the network whose PB points it takes. A figure that a map without usable movements lacks counts as 0.
     """
-    conditions, sets = (list(dict.fromkeys(getattr(one, key) for one in taught)) for key in ("condition", "set"))
+    conditions, sets = (list(dict.fromkeys(one[key] for one in taught)) for key in ("condition", "set"))
     networks = [name for name in conditions if name not in CONTROLS]
 
     def values(condition: str, figure: str) -> np.ndarray:  # (seeds, sets)
-        own = [one for one in taught if one.condition == condition]
-        return np.array([[getattr(one, figure) or 0.0 for one in own if one.set == name] for name in sets]).T
+        own = [one for one in taught if one["condition"] == condition]
+        return np.array([[one[figure] or 0.0 for one in own if one["set"] == name] for name in sets]).T
 
     def rng(*parts: str) -> np.random.Generator:
         return np.random.default_rng(seed_sequence(base_seed, "conditions", *parts))
@@ -290,11 +269,11 @@ def compare_conditions(taught: Sequence[TaughtMemory], base_seed: int) -> list[d
             name: {key: estimate(array[:, k], rng=rng(condition, key, name)) for key, array in own.items()}
             for k, name in enumerate(sets)
         }
-        memories = [one for one in taught if one.condition == condition]
+        memories = [one for one in taught if one["condition"] == condition]
         found.append({
             "condition": condition,
             "n_memories": len(memories),
-            "n_recalled": sum(max(one.reproduction_dtw.values()) <= THRESHOLD_RAD for one in memories),
+            "n_recalled": sum(max(one["reproduction_dtw"].values()) <= THRESHOLD_RAD for one in memories),
             "figures": {key: estimate(array, rng=rng(condition, key)) for key, array in own.items()},
             "per_set": per_set,
             "reference": reference,

@@ -149,7 +149,7 @@ def input_hashes(suite: Suite) -> dict[str, str]:
     found = {name: _sha256(find_bundle(name)) for name in suite.agents if in_bundle(name)}
     if suite.taught is not None:
         for folder in filter(None, (suite.taught.demonstrations, *(one.demonstrations for one in suite.taught.sets))):
-            found |= {str(path): sha256(path) for path in sorted(Path(folder).glob("*.csv"))}
+            found |= {str(path): sha256(path) for path in sorted(filter(Path.is_file, Path(folder).iterdir()))}
     shipped = set(shipped_memories(None))
     for name in suite.memories:
         path = memory.PRETRAINED / f"{name.replace('/', '-')}.safetensors" if name in shipped else Path(name)
