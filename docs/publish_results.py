@@ -6,20 +6,26 @@ written from all that are there. A run of `creative-nao evaluate paper` goes to 
 """
 
 import argparse
+import math
 import shutil
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from creative_nao import storage
+from creative_nao.agents.registry import split_name
+from creative_nao.envs import Track
 from creative_nao.errors import SettingsError
+from creative_nao.evaluation import plots
 from creative_nao.evaluation.leaderboard import Results, check_published, leaderboard, with_record
 from creative_nao.evaluation.pages import FIGURE_TITLES, render
 from creative_nao.evaluation.paper.page import PAGE, RESULT_FILES, make_page, read_content
 from creative_nao.evaluation.results import (
+    CURVE,
     Entry,
     compare_conditions,
     entries_of,
@@ -30,6 +36,7 @@ from creative_nao.evaluation.results import (
 )
 from creative_nao.evaluation.run import read_record
 from creative_nao.evaluation.statistics import estimate, seed_sequence
+from creative_nao.maps.figure_style import save, styled
 from creative_nao.model.controls import CONTROLS
 
 DOCS = Path(__file__).parent
@@ -38,6 +45,7 @@ MENTAL, PHYSICAL = "CreativeNao/BoxingMental-v0", "CreativeNao/Boxing-v0"
 MODULATION = "CreativeNao/BoxingModulation-v0"
 REFUSALS = ("joint_limit", "torque_saturated", "tracking_error", "self_collision", "fell")
 """Outcomes by which physics refuses an action that was usable as imagined."""
+FRONTIER_PICTURE = "images/frontier.png"
 N_SHOWN = 3
 """Agents whose figures are told memory by memory."""
 RESULTS_AT = "results"
@@ -265,10 +273,77 @@ CLAIMS = (
     ("Closed-loop training makes more appropriate actions than half closed.", "appropriate_pct", 1),
 )
 """What the paper says of closed and half closed training, the figure that decides it, and its sign."""
+
+
+STEPS = ("lattice", "spread", "spread_points", "surrogate")
+"""Agents without imagining, each told as much as the one before or more, and expected to earn more."""
+
+
+def _frontier(results: Results) -> dict[str, Any]:
+    """Return the rewards by agent and movements looked at, and the steps between the simple agents."""
+    entries = {entry["agent"]: entry for entry in entries_of(results, MENTAL)}
+    names = {name: split_name(name) for name in entries}
+    numbers = sorted({entry["n_candidates"] for entry in entries.values()})
+    bases = list(dict.fromkeys(base for base, _ in names.values()))
+    by_base = {base: {e["n_candidates"]: e for name, e in entries.items() if names[name][0] == base} for base in bases}
+    lines = [
+        {"agent": base, "track": next(iter(found.values()))["track"], "found": [found.get(k) for k in numbers]}
+        for base, found in by_base.items()
+        if base != CURVE
+    ]
+    tracks = [str(track) for track in Track]
+    lines.sort(key=lambda line: (tracks.index(line["track"]), -max(e["reward"]["mean"] for e in line["found"] if e)))
+    curve = by_base[CURVE]
+    return {
+        "n_actions": results["rows"][0]["n_actions"],
+        "n_memories": curve[1]["n_memories"],
+        "n_seeds": curve[1]["n_seeds"],
+        "numbers": numbers,
+        "curve": curve,
+        "lines": lines,
+        "oracle": curve[1]["regret"] + curve[1]["reward"]["mean"],
+        "steps": _steps(results, [f"{name}@1" for name in STEPS if f"{name}@1" in entries]),
+        "best": {k: max((e for line in lines for e in line["found"] if e and e["n_candidates"] == k),
+                        key=lambda entry: entry["reward"]["mean"], default=None) for k in numbers},
+    }  # fmt: skip
+
+
+def _steps(results: Results, agents: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the differences in mean reward between neighbours of a list of agents, in standard errors too."""
+    rewards = {
+        name: [[*row["reward_per_seed"].values()] for row in results["rows"] if row["agent"] == name] for name in agents
+    }
+    found = []
+    for before, after in pairwise(agents):
+        means, errors = zip(*(_mean_and_error(np.array(rewards[name])) for name in (before, after)), strict=True)
+        gap, error = means[1] - means[0], math.hypot(*errors)
+        found.append({"before": before, "after": after, "gap": gap, "error": error, "n_errors": gap / error})
+    return found
+
+
+def _mean_and_error(values: np.ndarray) -> tuple[float, float]:
+    """Return the mean of rewards (memories, seeds) and its standard error over seeds, memory by memory."""
+    variances = values.var(axis=1, ddof=1) / values.shape[1]
+    return float(values.mean()), float(np.sqrt(variances.sum()) / len(values))
+
+
+def _harder(results: Results) -> dict[str, Any]:
+    entries = entries_of(results, MENTAL)
+    return {
+        "n_actions": results["rows"][0]["n_actions"],
+        "entries": entries,
+        "about": results["record"]["settings"]["suite"]["about"],
+    }
+
+
 SECTIONS = {
+    "frontier": _frontier,
     "search": _search,
     "physical": _performed,
     "performed": _performed,
+    "long": _harder,
+    "units4": _harder,
+    "units8": _harder,
     "modulation": _modulation,
     "transfer": _transfer,
     "gestures": _gestures,
@@ -296,6 +371,10 @@ def publish(folders: Sequence[Path], docs: Path) -> list[Path]:
         raise SettingsError(f"the runs should be of different suites, but two are of `{twice[0]}`; give one of them")
     written = [storage.write_json(docs / RESULTS_AT / f"{results['suite']}.json", results, None) for results in found]
     published = read_published(docs)
+    if (frontier := published.get(f"{RESULTS_AT}/frontier.json")) is not None:
+        (docs / "images").mkdir(exist_ok=True)
+        with styled():
+            written.append(save(plots.frontier(frontier), docs / FRONTIER_PICTURE))
     written.append(storage.write_text(docs / "leaderboard.md", leaderboard(published)))
     if "search" in {results["suite"] for results in published.values()}:
         written.append(storage.write_text(docs / "results.md", result_page(published)))

@@ -8,10 +8,13 @@ from .base import (
 from .black_box import (
     BayesianAgent,
     CmaEsAgent,
+    LatticeAgent,
     OracleAgent,
     RandomAgent,
     ReplayAgent,
     SobolAgent,
+    SpreadAgent,
+    SpreadPointsAgent,
     SupervisedAgent,
 )
 from .bundle import (
@@ -42,6 +45,18 @@ from .registry import (
     load_entry_point,
     make_agent,
 )
+from .rehearsal import (
+    ImagineAgent,
+    ImagineWithBodyAgent,
+    PlanAgent,
+    PlanningAgent,
+    Rehearsal,
+    RehearsalSettings,
+    rehearse,
+)
+from .surrogate import (
+    SurrogateAgent,
+)
 from .training import (
     PPOSettings,
     TrainingCurve,
@@ -64,16 +79,26 @@ __all__ = [
     "Context",
     "FlippedSwappedAxes",
     "FunctionAgent",
+    "ImagineAgent",
+    "ImagineWithBodyAgent",
+    "LatticeAgent",
     "MapElitesAgent",
     "NoveltySearchAgent",
     "OracleAgent",
     "PPOSettings",
+    "PlanAgent",
+    "PlanningAgent",
     "Policy",
     "PolicyAgent",
     "RandomAgent",
+    "Rehearsal",
+    "RehearsalSettings",
     "ReplayAgent",
     "SobolAgent",
+    "SpreadAgent",
+    "SpreadPointsAgent",
     "SupervisedAgent",
+    "SurrogateAgent",
     "TrainedPolicy",
     "TrainingCurve",
     "as_agent",
@@ -81,6 +106,7 @@ __all__ = [
     "load_bundle",
     "load_entry_point",
     "make_agent",
+    "rehearse",
     "save_bundle",
     "shipped_agents",
     "train_ppo",

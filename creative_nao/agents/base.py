@@ -1,16 +1,18 @@
 """The one interface of all agents: `begin` an episode, then `ask` for a PB vector and `tell` what it earned, in turn.
 
-The budget is counted in generated actions: one `ask` is one. The base class keeps the order and the budget, so that
-every agent is judged at the same number of generated actions and a caller's slip is an error instead of a wrong figure.
+Two budgets are counted: movements performed, one `ask` each, and movements imagined, by `context.imagine`. The base
+class keeps the order, both budgets and the track, so that agents are judged at equal cost and knowledge and a caller's
+slip is an error instead of a wrong figure.
 `MovementAgent` and `BatchSearch` are what the searches build on; `PolicyAgent` plays a policy of Stable-Baselines3.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import importlib.util
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
@@ -18,6 +20,7 @@ from typing import Any, ClassVar, Generic, Protocol, TypeVar
 import numpy as np
 from gymnasium.spaces import Box
 
+from creative_nao.envs import Track
 from creative_nao.errors import CreativeNaoError, MissingDependencyError, SettingsError, ShapeError, shown
 
 T = TypeVar("T")
@@ -27,17 +30,56 @@ class AgentOrderError(CreativeNaoError, RuntimeError):
     """`begin`, `ask` and `tell` were called out of order, or beyond the budget."""
 
 
-@dataclass(frozen=True)
-class Context:
-    """What an agent is given at the start of an episode.
+class Info(dict[str, Any]):
+    """The terms of `info` that a track is told; asking for one that it is not told is a `SettingsError`."""
+
+    def __missing__(self, term: str) -> Any:
+        """Say which track is told this term."""
+        if Track.OUTCOMES.visible({term: None}):
+            raise KeyError(term)
+        raise SettingsError(f'`info["{term}"]` is told from the track `trajectories` on: declare it as `track`')
+
+
+class Imagination:
+    """Imagines movements in the running episode, as many as the budget allows, and counts them.
+
+    Args:
+        imagine: Takes PB vectors (n, n_pb) and whether the body takes part; returns the terms of `info` of each.
+        n_imagined: The budget.
 
     Attributes:
-        action_space: PB vectors it may choose: Box of shape (2,).
+        n_used: Movements imagined so far.
+    """
+
+    def __init__(self, imagine: Callable[[np.ndarray, bool], Sequence[Mapping[str, Any]]] | None, n_imagined: int):
+        self._imagine, self.n_imagined, self.n_used = imagine, n_imagined, 0
+
+    def imagine(self, pb: np.ndarray, with_body: bool) -> Sequence[Mapping[str, Any]]:
+        """Imagine the movements of PB vectors (n, n_pb); `AgentOrderError` beyond the budget, of which none is used."""
+        if self.n_used + len(pb) > self.n_imagined:
+            raise AgentOrderError(
+                f"{len(pb)} more movements cannot be imagined: {self.n_used} of the budget of {self.n_imagined} "
+                "are used in this episode"
+            )
+        if self._imagine is None:
+            raise SettingsError("this environment cannot imagine movements: it has no method `imagine`")
+        self.n_used += len(pb)
+        return self._imagine(pb, with_body)
+
+
+@dataclass(frozen=True)
+class Context:
+    """What an agent is given at the start of an episode; of what `memory` tells it keeps what its track is told.
+
+    Attributes:
+        action_space: PB vectors it may choose: Box of shape (n_pb,).
         observation_space: What `ask` receives.
-        n_actions: The budget: how many actions may be generated.
+        n_actions: The budget: how many movements may be performed.
         rng: Its only source of randomness.
-        memory: The memory explored, for agents that legitimately know its learned PB vectors (`pb`, shape
-            (n_actions, 2), in (-1, 1)); None for the others.
+        memory: The memory explored; None on all tracks but `map`.
+        imagination: Imagines movements and counts them; None where none may be imagined.
+        points: The learned PB points of the basic actions, (n_basic, n_pb), in (-1, 1); None on the track `outcomes`.
+        demonstrations: The basic actions themselves; None on `outcomes` and `points`.
     """
 
     action_space: Box
@@ -45,6 +87,52 @@ class Context:
     n_actions: int
     rng: np.random.Generator
     memory: Any = None
+    imagination: Imagination | None = None
+    points: np.ndarray | None = None
+    demonstrations: Any = None
+    track: Track = Track.MAP
+
+    @property
+    def n_imagined_left(self) -> int:
+        """How many movements may still be imagined in this episode."""
+        return 0 if self.imagination is None else self.imagination.n_imagined - self.imagination.n_used
+
+    def imagine(self, pb: np.ndarray, *, with_body: bool = False) -> list[Info]:
+        """Imagine the movements of PB vectors: what would become of each if it were performed now.
+
+        Nothing is performed and nothing joins the repertoire; each movement counts.
+
+        Args:
+            pb: Shape (n, n_pb), or (n_pb,) for one, inside the action space.
+            with_body: Imagine the robot performing it too, where the environment performs movements in physics.
+
+        Returns:
+            A mapping each, as `tell` receives them, with its `reward`, and `imagined` set.
+
+        Raises:
+            AgentOrderError: Beyond the budget.
+            ShapeError: If `pb` has another shape or leaves the action space.
+            SettingsError: If the environment cannot imagine.
+        """
+        points = np.atleast_2d(np.asarray(pb, np.float32))
+        if points.ndim != 2 or not all(self.action_space.contains(point) for point in points):
+            raise ShapeError(f"`pb` should be PB vectors inside {self.action_space}, but is {shown(points.tolist())}")
+        imagination = Imagination(None, 0) if self.imagination is None else self.imagination
+        found = imagination.imagine(points, with_body)
+        return [Info(self.track.visible({**info, "imagined": True})) for info in found]
+
+    def within(self, track: str) -> Context:
+        """Return this context with what agents of a track are told, and nothing else."""
+        kept, memory = min(Track(track), self.track), self.memory
+        points = getattr(memory, "pb", None) if self.points is None else self.points
+        basic = getattr(memory, "demonstrations", None) if self.demonstrations is None else self.demonstrations
+        return dataclasses.replace(
+            self,
+            track=kept,
+            points=None if kept < Track.POINTS or points is None else np.array(points, np.float64),
+            demonstrations=None if kept < Track.TRAJECTORIES else basic,
+            memory=None if kept < Track.MAP else memory,
+        )
 
 
 class Agent(ABC):
@@ -55,6 +143,12 @@ class Agent(ABC):
     """Whether `tell` changes what `ask` returns later in the same episode."""
     n_actions_training: int = 0
     """Actions generated before it plays, in its training; results list them. A policy or function may have it too."""
+    track: str = Track.OUTCOMES
+    """What it is told, a `creative_nao.envs.Track`: its context, `info` and observations hold nothing else."""
+    imagines: ClassVar[bool] = False
+    """Whether it calls `context.imagine` itself; `rehearse` imagines for the others."""
+    n_candidates: int = 1
+    """Movements that it may look at for each one that it performs; 1: none is imagined."""
 
     _context: Context | None = None
     _n_asked = 0
@@ -73,8 +167,10 @@ class Agent(ABC):
 
     def begin(self, context: Context) -> None:
         """Start an episode; whatever the agent kept of the one before is gone, save what it learned in training."""
-        self._context, self._n_asked, self._waits_for_tell = check_kind(context, Context, "context"), 0, False
-        self.start(context)
+        as_track(self.track, f"agent `{self.name}`: `track`")
+        self._context = check_kind(context, Context, "context").within(self.track)
+        self._n_asked, self._waits_for_tell = 0, False
+        self.start(self._context)
 
     def ask(self, observation: np.ndarray) -> np.ndarray:
         """Return the next PB vector to generate.
@@ -128,7 +224,25 @@ class Agent(ABC):
         if not self._waits_for_tell:
             raise AgentOrderError(f"agent `{self.name}`: `tell` has no `ask` before it; call `ask(observation)` first")
         self._waits_for_tell = False
-        self.learn(pb, observation, reward, info)
+        self.learn(pb, observation, reward, Info(self.context.track.visible(info)))
+
+    def look_ahead(self, observation: np.ndarray, n: int) -> list[tuple[np.ndarray, Info]]:
+        """Propose `n` PB vectors, imagine each and return them with what would become of them.
+
+        One after another, unless a subclass says otherwise: each is told before the next one is asked for.
+        """
+        found = []
+        for _ in range(n):
+            pb = self.ask(observation)
+            (info,) = self.context.imagine(pb)
+            self.tell(pb, observation, float(info["reward"]), info)
+            found.append((pb, info))
+        return found
+
+    def learn_performed(  # noqa: B027 - optional
+        self, pb: np.ndarray, observation: np.ndarray, reward: float, info: Mapping[str, Any]
+    ) -> None:
+        """Take in which of the movements it looked ahead to was performed; ignored unless a subclass says otherwise."""
 
     def start(self, context: Context) -> None:  # noqa: B027 - optional
         """Prepare for an episode; nothing to prepare unless a subclass says so."""
@@ -260,19 +374,38 @@ class PolicyAgent(Agent):
 
     Args:
         policy: Anything with `predict`.
-        deterministic: Take the policy's most likely action, or draw from its distribution.
+        deterministic: Take the policy's most likely action, or draw from its distribution. None: as the policy was
+            judged, where it is a trained one of a bundle; else the most likely one.
         name: Under which results list it.
+        track: What its observations tell. None: as the environment of its bundle; else `outcomes`.
     """
 
     name: ClassVar[str] = "policy"
 
-    def __init__(self, policy: Policy, *, deterministic: bool = True, name: str | None = None):
+    def __init__(
+        self,
+        policy: Policy,
+        *,
+        deterministic: bool | None = None,
+        name: str | None = None,
+        track: str | None = None,
+    ):
         if not callable(getattr(policy, "predict", None)):
             raise SettingsError(f"`policy` should have a method `predict`, but is {shown(policy)}")
         self.policy = policy
-        self.deterministic = deterministic
+        judged = getattr(policy, "judged_deterministic", True)
+        self.deterministic = bool(judged) if deterministic is None else deterministic
+        self.track = as_track(getattr(policy, "track", Track.OUTCOMES) if track is None else track, "`track`")
         if name is not None:
             self.name = name  # pyright: ignore[reportAttributeAccessIssue]
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.policy!r}) named `{self.name}`, plays {self.way}"
+
+    @property
+    def way(self) -> str:
+        """Which way it plays: its most likely actions, or drawn ones."""
+        return "its most likely actions" if self.deterministic else "actions drawn from its distribution"
 
     def start(self, context: Context) -> None:
         """Forget the policy's state of the episode before."""
@@ -293,6 +426,14 @@ class PolicyAgent(Agent):
             torch.manual_seed(int(self.context.rng.integers(2**63)))
             action, self._state = self.policy.predict(observation, self._state, episode_start, deterministic=False)
         return action
+
+
+def as_track(value: Any, name: str) -> Track:
+    """Return a track given as text; anything else is a `SettingsError` that begins with `name`."""
+    try:
+        return Track(value)
+    except ValueError:
+        raise SettingsError(f"{name} should be one of {', '.join(Track)}, but is {shown(value)}") from None
 
 
 def check_kind(value: Any, kind: type[T], name: str) -> T:

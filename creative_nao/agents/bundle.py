@@ -21,6 +21,7 @@ from creative_nao.agents.play import Score, evaluate_policy
 from creative_nao.agents.settings import Hyperparameters, check_entry, find_algorithm, nets_of
 from creative_nao.agents.training import PPOSettings
 from creative_nao.arrays import load_tensors, save_tensors
+from creative_nao.envs import Track
 from creative_nao.errors import (
     CreativeNaoError,
     FileFormatError,
@@ -164,13 +165,37 @@ class TrainedPolicy:
     def __repr__(self) -> str:
         header = self.header
         score = "" if header.score is None else f", recorded reward {header.score.mean:.2f}"
-        return f"<trained {header.agent} for {header.env}, {header.n_actions_training} training actions{score}>"
+        way = "most likely" if header.deterministic else "drawn"
+        made = f"{header.n_actions_training} training actions{score}"
+        return f"<trained {header.agent} for {header.env}, {made}, plays {way} actions>"
+
+    @property
+    def judged_deterministic(self) -> bool:
+        """Whether it was judged by its most likely actions, or by drawn ones."""
+        return self.header.deterministic
+
+    @property
+    def track(self) -> Track:
+        """What its observations tell: those of -v0 outcomes alone, later ones what it was trained with."""
+        told = self.header.hyperparameters.env_kwargs.get("observation")
+        return Track.OUTCOMES if self.header.env.endswith("-v0") and told is None else Track(told or Track.TRAJECTORIES)
 
     def predict(
-        self, observation: np.ndarray, state: Any = None, episode_start: Any = None, deterministic: bool = True
+        self, observation: np.ndarray, state: Any = None, episode_start: Any = None, deterministic: bool | None = None
     ) -> tuple[np.ndarray, Any]:
-        """Return actions, shape (2,) or (n, 2), for observations of shape (n_values,) or (n, n_values), and `state`."""
-        return self.policy.predict(observation, state, episode_start, deterministic)
+        """Return actions for observations.
+
+        Args:
+            observation: Shape (n_values,) or (n, n_values).
+            state: That of a recurrent policy; handed back.
+            episode_start: Shape (n,); where True a recurrent policy forgets its state.
+            deterministic: Its most likely actions, or drawn ones; None plays the way it was judged.
+
+        Returns:
+            Actions of shape (n_pb,) or (n, n_pb), and `state`.
+        """
+        way = self.judged_deterministic if deterministic is None else deterministic
+        return self.policy.predict(observation, state, episode_start, way)
 
 
 def save_bundle(path: str | Path, header: BundleHeader, policy: BasePolicy) -> Path:

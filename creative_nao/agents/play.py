@@ -17,7 +17,8 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 from pydantic import Field
 
-from creative_nao.agents.base import Agent, Context, Policy, PolicyAgent, check_kind
+from creative_nao.agents.base import Agent, Context, Imagination, Policy, PolicyAgent, check_kind
+from creative_nao.envs import Track
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.runtime import search_current_folder
 from creative_nao.schema import Index, LongText, checked, dump, record
@@ -34,11 +35,13 @@ class Step(NamedTuple):
         pb: The PB vector that the agent chose, shape (n_pb,).
         reward: Its reward.
         info: What the environment tells; it has an `outcome` when the movement has ended.
+        n_imagined: Movements that the agent has imagined in the episode so far.
     """
 
     pb: np.ndarray
     reward: float
     info: dict[str, Any]
+    n_imagined: int = 0
 
 
 @record
@@ -52,6 +55,7 @@ class PlayedEpisode:
         appropriateness_pct: Share of appropriate actions.
         novelty: Mean distance of the appropriate ones to the basic actions [rad], None without any.
         diversity: Mean distance between them [rad], None with fewer than two.
+        n_imagined: Movements imagined.
     """
 
     memory: LongText
@@ -60,6 +64,7 @@ class PlayedEpisode:
     appropriateness_pct: float | None = None
     novelty: float | None = None
     diversity: float | None = None
+    n_imagined: Index = 0
 
 
 @record(closed=False)
@@ -123,10 +128,11 @@ def play_episode(
         rng: The agent's only source of randomness.
         n_actions: The budget in movements, which has to be the length of the environment's episode; None takes over
             what the environment says, and plays to its end. Where a movement takes several decisions, the agent is
-            asked for each.
+            asked for each. How many movements may be imagined is what the environment was made with, `n_imagined`.
 
     Raises:
-        SettingsError: If the spaces are no boxes, or the episode is shorter or longer than `n_actions`.
+        SettingsError: If the spaces are no boxes, the episode is shorter or longer than `n_actions`, or the
+            observations tell more than the track of the agent.
     """
     check_kind(agent, Agent, "agent")
     check_kind(env, gym.Env, "env")
@@ -136,7 +142,14 @@ def play_episode(
     inner: Any = env.unwrapped
     budget = getattr(inner, "n_actions", _USUAL_BUDGET) if n_actions is None else n_actions
     budget *= int(getattr(inner, "n_decisions", 1))
-    agent.begin(Context(env.action_space, env.observation_space, budget, rng, getattr(inner, "memory", None)))
+    if (seen := observed_track(env)) > agent.track:
+        raise SettingsError(
+            f"agent `{agent.name}` is of the track `{agent.track}`, but these observations tell `{seen}`: make the "
+            f'environment with observation="{agent.track}", or declare the agent\'s `track`'
+        )
+    imagination = Imagination(_imaginer(env), int(getattr(inner, "n_imagined", 0)))
+    spaces = env.action_space, env.observation_space
+    agent.begin(Context(*spaces, budget, rng, getattr(inner, "memory", None), imagination))
     n_movements, ended = 0, False
     while not ended and n_movements != n_actions:
         pb = agent.ask(observation)
@@ -144,10 +157,64 @@ def play_episode(
         agent.tell(pb, observation, float(reward), info)
         n_movements += "outcome" in info
         ended = terminated or truncated
-        yield Step(pb, float(reward), info)
+        yield Step(pb, float(reward), info, imagination.n_used)
     if n_actions is not None and (not ended or n_movements < n_actions):
         found = "goes on" if not ended else f"ends after {n_movements}"
         raise SettingsError(f"`n_actions` should be the environment's episode length, but is {n_actions}; it {found}")
+
+
+def observed_track(env: gym.Env) -> Track:
+    """Return what the observations of an environment tell; those of other projects count as outcomes."""
+    inner: Any = env.unwrapped
+    parts = {part.name for part in getattr(inner, "observation_parts", ())}
+    if any(column.name == "distances" for column in getattr(inner, "try_columns", ())):
+        return Track.TRAJECTORIES
+    return Track.POINTS if "points" in parts else Track.OUTCOMES
+
+
+def _imaginer(env: gym.Env) -> Callable[[np.ndarray, bool], list[dict[str, Any]]] | None:
+    """Return what imagines movements in the episode that an environment is in; None if it cannot."""
+    inner: Any = env.unwrapped
+    if not hasattr(inner, "imagine"):
+        return None
+    twins: list[Any] = []
+
+    def imagine(pb: np.ndarray, with_body: bool) -> list[dict[str, Any]]:
+        if with_body and getattr(inner, "physics", False):
+            if not twins:
+                twins.append(gym.make(env.spec).unwrapped)  # pyright: ignore[reportArgumentType]
+            state, found = inner.get_state(), []
+            for point in pb:
+                twins[0].set_state(state)
+                _, reward, _, _, info = twins[0].step(point)
+                found.append({**info, "reward": float(reward)})
+            return found
+        terms = inner.imagine(pb)
+        rows = [{name: _plain(values[row]) for name, values in terms.items()} for row in range(len(pb))]
+        return [{**row, "reward": row["reward_novelty"]} for row in rows]
+
+    return imagine
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def make_env(env_id: str, memory: Any, agent: Agent, n_actions: int | None = None) -> gym.Env:
+    """Make an environment of the project in which an agent sees what its track is told and has its two budgets.
+
+    An environment of another project is made with `memory` alone.
+    """
+    from creative_nao.envs import ENVIRONMENTS
+
+    if env_id not in ENVIRONMENTS:
+        return gym.make(env_id, memory=memory)
+    given: dict[str, Any] = {} if n_actions is None else {"n_actions": n_actions}
+    if not env_id.endswith("-v0"):
+        given["observation"] = min(Track(agent.track), Track.TRAJECTORIES)
+    if agent.n_candidates > 1:
+        given["n_imagined"] = agent.n_candidates * (n_actions or _USUAL_BUDGET)
+    return gym.make(env_id, memory=memory, **given)
 
 
 def evaluate_agent(
@@ -176,15 +243,13 @@ def evaluate_agent(
     named = tuple(memories) if isinstance(memories, Iterable) and not isinstance(memories, str) else memories
     for memory in checked(tuple[LongText, ...], named, "memories"):
         check_env(env_id)
-        env = gym.make(env_id, memory=memory)
+        env = make_env(env_id, memory, agent)
         try:
             for seed in seeds:
-                rewards, info = [], {}
-                for step in play_episode(agent, env, seed=seed, rng=np.random.default_rng(seed)):
-                    rewards.append(step.reward)
-                    info = step.info
-                measures = told_measures(info)
-                episodes.append(PlayedEpisode(memory, seed, math.fsum(rewards), **measures))
+                steps = [*play_episode(agent, env, seed=seed, rng=np.random.default_rng(seed))]
+                reward, last = math.fsum(step.reward for step in steps), steps[-1]
+                measures = told_measures(last.info)
+                episodes.append(PlayedEpisode(memory, seed, reward, **measures, n_imagined=last.n_imagined))
                 if progress is not None:
                     progress(len(episodes))
         finally:

@@ -16,6 +16,7 @@ from typing import Annotated, Any, ClassVar, cast
 import numpy as np
 
 from creative_nao.agents.base import BatchSearch, Context, T
+from creative_nao.agents.black_box import uniform_points
 from creative_nao.errors import SettingsError
 from creative_nao.schema import Count, Field, NonNegative, Positive, record
 
@@ -69,6 +70,7 @@ class ArmArchiveSearch(BatchSearch[T]):
     """
 
     package, extra = "ribs", "search"
+    track = "trajectories"
 
     def prepare(self, context: Context, seed: int) -> None:
         """Build archive, emitter and scheduler."""
@@ -111,12 +113,6 @@ class ArmArchiveSearch(BatchSearch[T]):
 def _bounds(context: Context) -> list[tuple[float, float]]:
     """Return the ends of the action space, a pair for each PB unit."""
     return list(zip(context.action_space.low.tolist(), context.action_space.high.tolist(), strict=True))
-
-
-def _uniform(context: Context, n: int) -> np.ndarray:
-    """Draw PB vectors, shape (n, n_pb)."""
-    space = context.action_space
-    return context.rng.uniform(space.low, space.high, (n, *space.shape))
 
 
 @record
@@ -179,7 +175,7 @@ class MapElitesAgent(ArmArchiveSearch[MapElitesSettings]):
 
     def build_emitter(self, emitters: ModuleType, archive: Any, **shared: Any) -> Any:
         """Return the emitter that varies elites drawn from the archive."""
-        first = _uniform(self.context, self.settings.n_initial)
+        first = uniform_points(self.context, self.settings.n_initial)
         return emitters.GaussianEmitter(archive, sigma=self.settings.sigma, initial_solutions=first, **shared)
 
 
@@ -211,6 +207,7 @@ class NoveltySearchAgent(BatchSearch[NoveltySearchSettings]):
 
     name: ClassVar[str] = "novelty_search"
     settings_type, package, extra = NoveltySearchSettings, "ribs", "search"
+    track = "trajectories"
 
     def prepare(self, context: Context, seed: int) -> None:
         """Begin with nothing: the first movements show how many joints the descriptor has."""
@@ -220,7 +217,9 @@ class NoveltySearchAgent(BatchSearch[NoveltySearchSettings]):
 
     def propose(self) -> np.ndarray:
         """Draw the first batch uniformly, (n_initial, n_pb); after it ask the emitter, (batch_size, n_pb)."""
-        return _uniform(self.context, self.settings.n_initial) if self._scheduler is None else self._scheduler.ask()
+        return (
+            uniform_points(self.context, self.settings.n_initial) if self._scheduler is None else self._scheduler.ask()
+        )
 
     def receive(self, pb: np.ndarray, rewards: np.ndarray, descriptors: np.ndarray) -> None:
         """Add the batch to the archive and tell the emitter how novel each movement was."""

@@ -11,10 +11,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from creative_nao.agents import black_box, quality_diversity
-from creative_nao.agents.base import Agent, Context, PolicyAgent
+from creative_nao.agents import black_box, quality_diversity, rehearsal, surrogate
+from creative_nao.agents.base import Agent, Context, PolicyAgent, as_track
 from creative_nao.agents.bundle import find_bundle, load_bundle, shipped_agents
 from creative_nao.agents.settings import ALGORITHMS
+from creative_nao.envs import Track
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.runtime import search_current_folder
 from creative_nao.schema import Index, checked
@@ -31,6 +32,13 @@ UNTRAINED: dict[str, Callable[[], Agent]] = {
         quality_diversity.MapElitesAgent,
         quality_diversity.NoveltySearchAgent,
         black_box.BayesianAgent,
+        black_box.LatticeAgent,
+        black_box.SpreadAgent,
+        black_box.SpreadPointsAgent,
+        surrogate.SurrogateAgent,
+        rehearsal.ImagineAgent,
+        rehearsal.PlanAgent,
+        rehearsal.ImagineWithBodyAgent,
         black_box.OracleAgent,
     )
 }
@@ -47,6 +55,7 @@ class FunctionAgent(Agent):
         function: Takes the observation and returns a PB vector, shape (n_pb,), inside the action space. It receives
             nothing else; what it draws at random it has to seed itself.
         name: Under which results list it.
+        track: What its observations tell.
 
     Example:
         >>> agent = FunctionAgent(lambda observation: -observation[:2], name="opposite")
@@ -54,8 +63,9 @@ class FunctionAgent(Agent):
 
     name: ClassVar[str] = "function"
 
-    def __init__(self, function: Callable[[np.ndarray], Any], *, name: str | None = None):
+    def __init__(self, function: Callable[[np.ndarray], Any], *, name: str | None = None, track: str = Track.OUTCOMES):
         self.function = checked(Callable, function, "function")
+        self.track = as_track(track, "`track`")
         if name is not None:
             self.name = name  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -64,13 +74,18 @@ class FunctionAgent(Agent):
         return self.function(observation)
 
 
-def as_agent(entered: Any, *, name: str | None = None) -> Agent:
+def as_agent(
+    entered: Any, *, name: str | None = None, deterministic: bool | None = None, track: str | None = None
+) -> Agent:
     """Return anything that can choose PB vectors as an agent.
 
     Args:
         entered: An `Agent`, an object with the `predict` of Stable-Baselines3, or a function from observations to PB
             vectors.
         name: Under which results list it; None keeps its own.
+        deterministic: Of a policy: its most likely actions, or drawn ones. None plays a trained agent the way it was
+            judged, any other policy by its most likely actions; `repr` says which.
+        track: Of a policy or function: what its observations tell; None: as `PolicyAgent` says, of functions outcomes.
 
     Raises:
         SettingsError: If it is none of them.
@@ -80,9 +95,9 @@ def as_agent(entered: Any, *, name: str | None = None) -> Agent:
             entered.name = name  # pyright: ignore[reportAttributeAccessIssue]
         return entered
     if callable(getattr(entered, "predict", None)):
-        return PolicyAgent(entered, name=name)
+        return PolicyAgent(entered, deterministic=deterministic, name=name, track=track)
     if callable(entered) and not isinstance(entered, type):
-        return FunctionAgent(entered, name=name)
+        return FunctionAgent(entered, name=name, track=Track.OUTCOMES if track is None else track)
     raise SettingsError(
         f"an agent should be an `Agent`, an object with `predict` or a function from observations to PB vectors, "
         f"but is {entered!r}"
@@ -206,12 +221,26 @@ def _told(error: Exception) -> str:
     return f"{type(error).__name__}: {error} ({os.path.basename(where.filename)}, line {where.lineno})"
 
 
+def split_name(name: str) -> tuple[str, int | None]:
+    """Return an agent's name without the number of movements it looks at, and that number.
+
+    Example:
+        >>> split_name("spread@8"), split_name("spread")
+        (('spread', 8), ('spread', None))
+    """
+    base, mark, number = name.rpartition("@")
+    if not mark or not number.isdecimal() or len(number) > 6 or int(number) == 0 or os.path.isfile(name):
+        return name, None
+    return base, int(number)
+
+
 def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
     """Make an agent.
 
     Args:
         name: One of `NAMES`; or a trained agent by shipped name, such as ``ppo/BoxingMental-v0``, or path of a bundle;
             or ``package.module:factory``, the user's own code, which is imported and called (`load_entry_point`).
+            With `@8` behind it the agent looks at eight movements for each one it performs (`rehearse`).
         bundle: With the name of a trained agent: shipped name or path of its bundle.
 
     Raises:
@@ -219,7 +248,12 @@ def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
         SettingsError: If a trained agent lacks its bundle, or a factory makes no agent.
         FileFormatError: If the bundle is damaged.
     """
-    known = checked(str, name, "name") in NAMES
+    base, n_candidates = split_name(checked(str, name, "name"))
+    if n_candidates is not None:
+        agent = rehearsal.rehearse(make_agent(base, bundle), n_candidates)
+        agent.name = name  # pyright: ignore[reportAttributeAccessIssue]
+        return agent
+    known = name in NAMES
     if bundle is None and not known:
         if is_entry_point(name):  # also where a file has this name: ./package.module:factory names the file
             return load_entry_point(name)
@@ -238,4 +272,4 @@ def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
     trained = load_bundle(bundle)
     if known and trained.header.agent != name:
         raise SettingsError(f"`bundle` should hold a `{name}` agent, but {bundle} holds `{trained.header.agent}`")
-    return PolicyAgent(trained, deterministic=trained.header.deterministic, name=trained.header.agent)
+    return PolicyAgent(trained, name=trained.header.agent)

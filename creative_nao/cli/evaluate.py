@@ -16,13 +16,14 @@ from typing import Any
 import tyro
 from rich.table import Table
 
+from creative_nao.agents.registry import split_name
 from creative_nao.cli.terminal import Display, Terminal, print_result
-from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.errors import NotFoundError, SettingsError, nearest_name, shown
 from creative_nao.evaluation.leaderboard import leaderboard, with_record
 from creative_nao.evaluation.pages import conditions_table, env_label, terminal_table
 from creative_nao.evaluation.run import evaluate
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
-from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, check_agent, find_suite
+from creative_nao.evaluation.suites import SUFFIX, SUITE_NAMES, Suite, check_agent, find_suite, suite_from_values
 from creative_nao.evaluation.verification import TOLERANCE, Verification, verify
 from creative_nao.schema import Count, Seed, checked
 
@@ -55,10 +56,11 @@ class EvaluateSettings(JobOptions):
     """
 
     suite: tyro.conf.Positional[str] = "quick"
-    """`quick`: agents on one memory; `search`: all agents on memories no training has seen; `physical`: what the body
-    changes; `performed`: the same for the best agent on all of these memories; `modulation`: a PB that changes while a
-    movement unfolds; `transfer`: memories of other demonstrations; `gestures`: the same agents and figures on sets of
-    recordings, and beside networks memories that only mix; or a TOML file of your own."""
+    """`quick`: agents on one memory; `frontier`: what imagining buys; `search`: all agents on memories no training has
+    seen; `physical`: what the body changes; `performed`: the best imagining robot in physics; `modulation`: a PB that
+    changes while a movement unfolds; `transfer`: memories of other demonstrations; `gestures`: the same agents and
+    figures on sets of recordings, and beside networks memories that only mix; `long`, `units4`, `units8`: episodes of
+    100 movements, memories of 4 and 8 PB units; or a TOML file of your own."""
     out: Path | None = None
     """Run folder, which must be new or empty unless --resume is given; default: runs/SUITE-TIMESTAMP."""
     seed: int = 0
@@ -68,6 +70,16 @@ class EvaluateSettings(JobOptions):
     agents: str | None = None
     """Only these agents, with commas between: names, shipped bundles, bundle files, or package.module:factory of your
     own; default: those of the suite."""
+    memories: str | None = None
+    """Only these memories, with commas between: shipped names, parts of the bank, or memory files; default: those of
+    the suite."""
+    n_seeds: int | None = None
+    """Repetitions of everything; default: as the suite says."""
+    n_actions: int | None = None
+    """Movements performed in an episode; default: as the suite says."""
+    n_imagined: str | None = None
+    """Movements that each agent looks at, by imagining them, for each one that it performs: numbers with commas
+    between; default: as the suite says."""
     demonstrations: tuple[Path, ...] = ()
     """transfer, gestures: folder of recordings, a basic action each, on which the memories are trained; default: those
     of the suite. gestures takes several folders, and deals out those with more than eleven to sets of six or more."""
@@ -205,9 +217,23 @@ def job_display() -> Iterator[Callable[[Progress], None]]:
 def _chosen(settings: EvaluateSettings) -> Suite:
     """Return the suite with what the flags change of it."""
     suite = find_suite(settings.suite, trusted=settings.trust)
+    changes: dict[str, Any] = {}
     if settings.agents is not None:
-        names = tuple(name.strip() for name in settings.agents.split(",") if name.strip())
-        suite = dataclasses.replace(suite, agents=tuple(map(check_agent, names)))
+        changes["agents"] = tuple(map(check_agent, _listed(settings.agents)))
+    if settings.n_imagined is not None:
+        changes["n_imagined"] = tuple(_whole(word) for word in _listed(settings.n_imagined))
+        if settings.agents is None:  # those of the suite, each once
+            changes["agents"] = tuple(dict.fromkeys(split_name(agent)[0] for agent in suite.agents))
+    if settings.memories is not None:
+        if suite.taught is not None:
+            raise SettingsError(f"--memories: suite `{suite.name}` trains its memories; they are chosen by [taught]")
+        changes["memories"] = _listed(settings.memories)
+    for name in ("n_seeds", "n_actions"):
+        if (value := getattr(settings, name)) is not None:
+            changes[name] = checked(Count, value, f"--{name.replace('_', '-')}")
+    if changes:
+        values = dataclasses.asdict(suite) | changes
+        suite = suite_from_values(values, where=f"suite `{suite.name}`", check_names=True)
     if not settings.demonstrations:
         return suite
     if suite.taught is None:
@@ -219,11 +245,23 @@ def _chosen(settings: EvaluateSettings) -> Suite:
     return dataclasses.replace(suite, taught=taught, memories=(*others, *taught.names))
 
 
+def _listed(text: str) -> tuple[str, ...]:
+    """Return the words of a list with commas."""
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def _whole(word: str) -> int:
+    if not (word.isascii() and word.isdecimal()):
+        raise SettingsError(f"--n-imagined should be whole numbers, as 1,8,64, but has {shown(word)}")
+    return int(word)
+
+
 def _command(settings: EvaluateSettings) -> str:
     """Return how to type the run again."""
     words = ["creative-nao", "evaluate", settings.suite, "--seed", str(settings.seed)]
-    if settings.agents is not None:
-        words += ["--agents", settings.agents]
+    for name in ("agents", "memories", "n_seeds", "n_actions", "n_imagined"):
+        if (value := getattr(settings, name)) is not None:
+            words += [f"--{name.replace('_', '-')}", str(value)]
     if settings.demonstrations:
         words += ["--demonstrations", *map(str, settings.demonstrations)]
     return shlex.join(words)

@@ -17,18 +17,18 @@ from gymnasium.spaces import Box
 
 from creative_nao import storage
 from creative_nao.agents.bundle import BundleHeader, save_bundle
-from creative_nao.agents.play import check_env
+from creative_nao.agents.play import check_env, make_env
 from creative_nao.agents.training import PPOSettings, train_ppo
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
-from creative_nao.envs import ENVIRONMENTS
 from creative_nao.errors import CreativeNaoError
 from creative_nao.evaluation.jobs import PARENT, read_spec, write_result
+from creative_nao.evaluation.oracle_sets import find_oracle_set, shipped_oracle_set
 from creative_nao.evaluation.protocol import play
 from creative_nao.evaluation.statistics import seed_sequence
 from creative_nao.evaluation.suites import TaughtSet, resolve_agent
 from creative_nao.maps import pb_map
 from creative_nao.maps.grid import pb_grid
-from creative_nao.measures import OUTCOMES, farthest_points, table
+from creative_nao.measures import OUTCOMES, table
 from creative_nao.model import Memory, TrainingSettings, condition_settings, reproduction, train_network
 from creative_nao.model.controls import CONTROLS, control_memory
 from creative_nao.schema import dump, parse
@@ -148,13 +148,18 @@ def play_episodes(spec: dict[str, Any], folder: Path, report: Report) -> dict[st
     for env_id in spec["envs"]:
         check_env(env_id)  # finds the module of one's own
         for first, memory in enumerate(spec["memories"]):
-            budget = {"n_actions": spec["n_actions"]} if env_id in ENVIRONMENTS else {}
-            env = gym.make(env_id, memory=_memory_of(memory, folder), **budget)
+            places = range(first * len(spec["seeds"]), (first + 1) * len(spec["seeds"]))
+            bundles = [folder / spec["bundles"][place] if spec["bundles"] else None for place in places]
+            first_agent = resolve_agent(spec["agent"], bundles[0])
+            env = make_env(env_id, _memory_of(memory, folder), first_agent, spec["n_actions"])
             try:
-                for place, seed in enumerate(spec["seeds"], first * len(spec["seeds"])):
-                    agent = resolve_agent(spec["agent"], folder / spec["bundles"][place] if spec["bundles"] else None)
+                oracle_set = _oracle_movements(memory, env, spec["n_actions"])
+                for bundle, seed in zip(bundles, spec["seeds"], strict=True):
+                    agent = resolve_agent(spec["agent"], bundle)
                     counts = {name: spec[name] for name in ("base_seed", "n_actions")}
-                    episode = play(agent, env, env_id=env_id, memory=memory["name"], seed=seed, **counts)
+                    episode = play(
+                        agent, env, env_id=env_id, memory=memory["name"], seed=seed, oracle_set=oracle_set, **counts
+                    )
                     episodes.append(dump(episode))
                     report(len(episodes) / total)
             finally:
@@ -162,11 +167,17 @@ def play_episodes(spec: dict[str, Any], folder: Path, report: Report) -> dict[st
     return {"episodes": episodes}
 
 
-def score_map(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
-    """Score the whole map of a memory, write it, and return what the greedy oracle earns on it.
+def _oracle_movements(memory: dict[str, Any], env: gym.Env, n_actions: int) -> np.ndarray | None:
+    """Return the movements that the oracle would choose, (n, n_steps, n_joints); None where that does not ship."""
+    found = None if memory["file"] is not None else shipped_oracle_set(memory["name"], n_actions)
+    return None if found is None else env.unwrapped.memory.generate(found.pb)  # pyright: ignore[reportAttributeAccessIssue]
 
-    `oracle_pb` (n, 2) is what the oracle chose, `oracle_rewards` (n,) what each choice earned, `shares_pct` the share
-    of each outcome on the map.
+
+def score_map(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, Any]:
+    """Score the map of a memory, write it, and return what the greedy oracle chooses, where that does not ship.
+
+    `oracle_pb` (n, n_pb) is what the oracle chose, `oracle_rewards` (n,) what each choice earned, `shares_pct` the
+    share of each outcome on the map.
     """
     start = time.perf_counter()
     check_env(spec["env"])
@@ -175,17 +186,18 @@ def score_map(spec: dict[str, Any], folder: Path, report: Report) -> dict[str, A
         memory: Memory = env.unwrapped.memory  # pyright: ignore[reportAttributeAccessIssue]
     finally:
         env.close()
-    scored = pb_map(memory, resolution=spec["resolution"])
-    report(0.5)
-    assert scored.trajectories is not None
-    best = farthest_points(scored.trajectories, memory.demonstrations, spec["n_actions"], scored.appropriate)
-    scored.save(folder / spec["chart"])
-    return {
-        "oracle_pb": scored.pb[best.indices].tolist(),
-        "oracle_rewards": best.rewards.tolist(),
-        "shares_pct": {outcome: scored.share_pct(outcome) for outcome in OUTCOMES},
-        "seconds": time.perf_counter() - start,
-    }
+    found: dict[str, Any] = {}
+    if spec["oracle"] == "shipped":
+        scored = pb_map(memory, resolution=spec["resolution"]) if memory.pb.shape[1] == 2 else None
+    else:
+        best, scored = find_oracle_set(memory, spec["n_actions"], spec["resolution"])
+        rewards = best.rewards.tolist()
+        found = {"oracle_pb": best.pb.tolist(), "oracle_rewards": rewards, "shares_pct": best.shares_pct}
+    if scored is not None:
+        scored.save(folder / spec["chart"])
+    else:
+        storage.write_bytes(folder / spec["chart"], b"")  # more than two PB units have no picture
+    return {**found, "seconds": time.perf_counter() - start}
 
 
 HANDLERS: dict[str, Callable[[dict[str, Any], Path, Report], dict[str, Any]]] = {

@@ -9,13 +9,17 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from creative_nao import storage
+from creative_nao.agents.registry import split_name
 from creative_nao.errors import CreativeNaoError
+from creative_nao.evaluation.oracle_sets import OracleSet, shipped_oracle_set
 from creative_nao.evaluation.suites import Suite, check_agent, slug, trained_here
 from creative_nao.model.controls import CONTROLS
 from creative_nao.schema import Field, JsonObject, NonNegative, PlainName, load_json, record, save_json
 
 PARENT = "CREATIVE_NAO_RUNNER"
 """Environment variable with the process number of the runner, without which a job's process ends."""
+IMAGINING_S = 0.0005
+"""Expected seconds to imagine a movement."""
 STARTING_S = 4.0
 """Expected seconds until a job's process has loaded physics and network."""
 
@@ -113,10 +117,8 @@ def plan(suite: Suite, *, base_seed: int) -> tuple[Job, ...]:
             for agent in learning
             for seed in range(suite.n_seeds)
         }
-        jobs += [
-            *trained.values(),
-            *(_score_map(suite, memory, taught.get(memory)) for memory in group if memory in charted),
-        ]
+        mapped = [m for m in group if m in charted and (m in suite.shown or oracle_of(suite, m) is None)]
+        jobs += [*trained.values(), *(_score_map(suite, memory, taught.get(memory)) for memory in mapped)]
         for agent in suite.agents:
             for seeds in _groups(range(suite.n_seeds), suite.seeds_per_job):
                 keys = [(agent, memory, seed) for memory in group for seed in seeds]
@@ -127,6 +129,13 @@ def plan(suite: Suite, *, base_seed: int) -> tuple[Job, ...]:
 
 def _each_once(jobs: Iterable[Job]) -> tuple[Job, ...]:
     return tuple({job.name: job for job in jobs}.values())
+
+
+def oracle_of(suite: Suite, memory: str) -> OracleSet | None:
+    """Return what the oracle chooses on a memory where that ships; else its map has to be scored first."""
+    if suite.taught_seed(memory) is not None:
+        return None
+    return shipped_oracle_set(memory, suite.n_actions, suite.resolution)
 
 
 def _groups(values: Sequence[Any], size: int) -> list[Sequence[Any]]:
@@ -216,8 +225,11 @@ def _score_map(suite: Suite, memory: str, training: Job | None) -> Job:
         "resolution": suite.resolution,
         "n_actions": suite.n_actions,
         "chart": f"maps/{slug(memory)}.npz",
+        "oracle": "found" if oracle_of(suite, memory) is None else "shipped",
     }
-    title, work_s = f"score the map of {memory} and search it with the oracle", suite.resolution**2 / 5000.0
+    title, work_s = f"score the map of {memory}", suite.resolution**2 / 20_000.0
+    if spec["oracle"] == "found":
+        title, work_s = f"{title} and search it with the oracle", suite.resolution**2 / 4000.0
     return _job("chart", slug(memory), title, spec, work_s, training, writes=spec["chart"])
 
 
@@ -242,6 +254,8 @@ def _play(
         # What made bundles and memories decides the result too.
         "made_by": [job.described() for job in (*trained, *taught)],
     }
-    work_s = len(seeds) * len(memories) * suite.n_actions * sum(cost.get(env, 0.01) for env in suite.envs)
+    n_looked_at = split_name(agent)[1] or 1
+    per_action = sum(cost.get(env, 0.01) for env in suite.envs) + IMAGINING_S * n_looked_at * len(suite.envs)
+    work_s = len(seeds) * len(memories) * suite.n_actions * per_action
     name = f"{slug(agent)}-{reach}-{seeds[0]}-{seeds[-1]}"
     return _job("play", name, f"{whom}, {which}", spec, work_s, *trained, *taught)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+from creative_nao.envs import Track
 from creative_nao.evaluation.pages import env_label, render
 from creative_nao.evaluation.results import MAX_ROWS, Label, MeanInterval, entries_of, naming, read_results
 from creative_nao.evaluation.run import RunRecord, read_record
@@ -38,6 +39,10 @@ class SummaryEntry:
     reward: MeanInterval | None
     oracle_share: MeanInterval | None
     versus: Versus | None
+    track: Text | None = None
+    n_candidates: Count | None = None
+    worth: MeanInterval | None = None
+    worth_most: Count | None = None
 
 
 @record(closed=False)
@@ -67,7 +72,19 @@ def leaderboard(published: Mapping[str, Results]) -> str:
             versions = results["record"]["versions"]
             packages = ", ".join(f"{name} {versions[name]}" for name in PACKAGES if name in versions)
             suites.append((path, results, groups, packages))
-        return render("leaderboard.md.jinja", suites=suites)
+        return render("leaderboard.md.jinja", suites=suites, by_budget=by_budget)
+
+
+def by_budget(entries: Sequence[Mapping[str, Any]]) -> list[tuple[int | None, str | None, list[Mapping[str, Any]]]]:
+    """Return entries by movements looked at for each performed, and by track; together where a file tells neither."""
+    if any(entry.get("track") is None for entry in entries):
+        return [(None, None, [*entries])]
+    tracks = list(Track)
+    keys = sorted({(entry["n_candidates"], tracks.index(Track(entry["track"]))) for entry in entries})
+    return [
+        (number, str(tracks[place]), [e for e in entries if (e["n_candidates"], e["track"]) == (number, tracks[place])])
+        for number, place in keys
+    ]
 
 
 def check_published(results: dict[str, Any], path: Path) -> None:

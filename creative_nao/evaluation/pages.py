@@ -61,6 +61,7 @@ def _environment(folder: Path | None) -> jinja2.Environment:
     )
     environment.globals["csp"] = CONTENT_POLICY
     environment.filters |= {
+        "imagined_per_performed": imagined_per_performed, "worth": worth,
         "md": md, "code": code, "interval": interval, "span": span, "thousands": "{:,}".format,
         "paragraph": _wrapped, "bullet": functools.partial(_wrapped, first="- ", others="  ", after="\n"),
     }  # fmt: skip
@@ -143,6 +144,10 @@ MEASURED_COLUMNS = (
     Column("diversity [rad]", "diversity", 1),
     Column("reward", "reward", 2),
     Column("of oracle [%]", "oracle_share", 1),
+    Column("regret", "regret", 2),
+    Column("best", "best", 2),
+    Column("coverage [%]", "coverage_pct", 1),
+    Column("refused [%]", "refused_pct", 1),
 )
 FIGURE_TITLES = {
     "appropriate_pct": "appropriate [%]",
@@ -151,9 +156,12 @@ FIGURE_TITLES = {
     "diversity": "diversity [rad]",
 }
 """The paper's four figures of a map."""
-TITLES = (*(column.title.replace(" [", "\n[") for column in MEASURED_COLUMNS), "actions\ngenerated", "seconds")
+TITLES = ("track", *(column.title.replace(" [", "\n[") for column in MEASURED_COLUMNS), "performed", "seconds")
 SUMMARY_TITLES = (
+    "track",
+    "imagined for\neach performed",
     "reward\n(mean)",
+    "worth\nimaginings",
     "reward\n(IQM)",
     "of oracle\n[%]",
     "over\nbaseline",
@@ -182,10 +190,12 @@ def figure(row: Mapping[str, Any], column: Column) -> tuple[str, str]:
 
 def cells(row: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return the cells of a row after agent and environment: a figure each, and what stands below it."""
-    trained, seconds = row["n_actions_training"], row["seconds_training"]
+    trained, seconds, imagined = row["n_actions_training"], row["seconds_training"], row["n_imagined"]
+    further = [f"+ {imagined:,.0f} imagined"] * (imagined > 0) + [f"+ {trained:,} training"] * (trained > 0)
     return [
+        (row["track"], ""),
         *(figure(row, column) for column in MEASURED_COLUMNS),
-        (str(row["n_actions"]), f"+ {trained:,} training" if trained else ""),
+        (str(row["n_actions"]), " ".join(further)),
         (f"{row['seconds']:.1f}", f"+ {seconds:.0f} training" if seconds else ""),
     ]
 
@@ -195,16 +205,35 @@ def summary_cells(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
     versus = entry["versus"]
     texts = [
         interval(entry["reward"], 2),
+        worth(entry),
         interval(entry["reward_iqm"], 2),
         interval(entry["oracle_share"], 1, scale=100.0),
         interval(versus and versus["difference"], 2, sign="+"),
         interval(versus and versus["probability_of_improvement"], 0, scale=100.0),
     ]
     return [
+        (entry["track"] or DASH, ""),
+        (imagined_per_performed(entry), ""),
         *((mean, below) for mean, _, below in (text.partition(" ") for text in texts)),
         (f"{versus['n_memories_ahead']} of {entry['n_memories']}" if versus else DASH, ""),
         (f"{entry['n_actions_training']:,}", ""),
     ]
+
+
+def imagined_per_performed(entry: Mapping[str, Any]) -> str:
+    """Return how many movements an agent imagined for each that it performed; a dash where a file does not tell."""
+    if (n_imagined := entry.get("n_imagined")) is None:
+        return DASH
+    return f"{n_imagined / entry['n_actions']:.3g}" if entry.get("n_actions") else DASH
+
+
+def worth(entry: Mapping[str, Any]) -> str:
+    """Return how many imagined candidates an agent is worth as text: `<= 1` and `>= 64` at the ends of the curve."""
+    if (found := entry.get("worth")) is None:
+        return DASH
+    last = entry["worth_most"]
+    mark = {1.0: "<= ", float(last): ">= "}.get(round(found["mean"], 9), "")
+    return mark + interval(found, 1)
 
 
 def terminal_table(results: Mapping[str, Any]) -> Table:
@@ -218,7 +247,7 @@ def terminal_table(results: Mapping[str, Any]) -> Table:
         caption="Over memories and seeds, 95 % stratified bootstrap intervals below; IQM: mean of the middle half. "
         "What each memory gave stands in results.json."
         if several
-        else "Mean over seeds with its 95 % interval below; an action is one generated trajectory.",
+        else "Mean over seeds with its 95 % interval below; an action is one performed movement.",
     )
     table.add_column("agent", style="bold")
     table.add_column("environment")

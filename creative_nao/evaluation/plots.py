@@ -13,9 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from creative_nao.agents.registry import split_name
 from creative_nao.evaluation.pages import env_label
 from creative_nao.evaluation.protocol import Episode
-from creative_nao.evaluation.results import Entry, Measured, entries_of
+from creative_nao.evaluation.results import CURVE, Entry, Measured, entries_of
 from creative_nao.evaluation.suites import Suite
 from creative_nao.maps.figure_style import BLUE, FAINT, GREEN, INK, ORANGE, OUTCOME_COLOURS, figure
 
@@ -23,7 +24,8 @@ AGENTS = {
     "supervised": BLUE, "random": ORANGE, "ppo": GREEN, "oracle": INK, "sobol": "#882255", "replay": FAINT,
     "cma_es": "#CC6677", "cma_me": "#AA4499", "map_elites": "#B8860B", "novelty_search": "#44AA99",
     "bayesian": "#332288", "sac": "#117733", "td3": "#999933", "tqc": "#6699CC", "crossq": "#661100",
-    "recurrent_ppo": "#88CCEE",
+    "recurrent_ppo": "#88CCEE", "lattice": "#888888", "spread": "#B8860B", "spread_points": "#CC6677",
+    "surrogate": "#AA4499", "plan": BLUE, "imagine": ORANGE, "imagine_with_body": GREEN,
 }  # fmt: skip
 OTHERS = ("#CC6677", "#44AA99", "#332288", "#999933", "#AA4499", "#661100")
 SHAPES = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
@@ -32,17 +34,19 @@ SHAPES = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 
 def agent_label(agent: str) -> str:
     """Return how figures call an agent: a shipped bundle by its algorithm, a file by its stem."""
-    return Path(agent).stem if agent.endswith(".safetensors") else agent.split("/")[0]
+    base, number = split_name(agent)
+    label = Path(base).stem if base.endswith(".safetensors") else base.split("/")[0]
+    return label if number is None else f"{label}@{number}"
 
 
 def agent_colour(agent: str) -> str:
     """Return the colour of an agent; the same for the same name."""
-    label = agent_label(agent)
+    label = agent_label(split_name(agent)[0])
     return AGENTS.get(label) or OTHERS[sum(label.encode()) % len(OTHERS)]
 
 
 def _marker(agent: str) -> str:
-    label = agent_label(agent)
+    label = agent_label(split_name(agent)[0])
     return SHAPES[(list(AGENTS).index(label) if label in AGENTS else sum(label.encode())) % len(SHAPES)]
 
 
@@ -192,6 +196,34 @@ def profiles(results: Mapping[str, Any]) -> Figure:
     limits = {"xlim": (0.0, min(100.0, largest + 10.0)), "ylim": (0.0, 102.0)}
     ax.set(xlabel="share of the oracle's reward [%]", ylabel="episodes above it [%]", **limits)
     ax.legend(**BESIDE)
+    return drawn
+
+
+def frontier(results: Mapping[str, Any]) -> Figure:
+    """Draw the reward over the movements looked at for each one performed: a line an agent, the oracle dotted."""
+    envs = list(dict.fromkeys(entry["env"] for entry in results["summary"]))
+    drawn, axes = figure(WIDTH, 5.2, 1, len(envs), sharey=True)
+    for ax, env in zip(axes, envs, strict=True):
+        entries = entries_of(results, env)
+        lines: dict[str, list[Entry]] = {}
+        for entry in sorted(entries, key=lambda entry: entry["n_candidates"]):
+            lines.setdefault(split_name(entry["agent"])[0], []).append(entry)
+        for agent, line in sorted(lines.items(), key=lambda item: -item[1][-1]["reward"]["mean"]):
+            x, y = [entry["n_candidates"] for entry in line], [entry["reward"]["mean"] for entry in line]
+            ends = [[entry["reward"][end] for entry in line] for end in ("low", "high")]
+            if None not in (*ends[0], *ends[1]):
+                ax.vlines(x, *ends, color=agent_colour(agent), linewidth=3.5, alpha=0.5)
+            _line(ax, np.array(x), np.array(y), agent, width=3.0 if agent == CURVE else 1.5)
+        if best := [entry["regret"] + entry["reward"]["mean"] for entry in entries if entry["regret"] is not None]:
+            ax.axhline(best[0], label="oracle (knows the map)", **ORACLE)
+        ticks = sorted({entry["n_candidates"] for entry in entries})
+        ax.set_xscale("log", base=2)
+        ax.set_xticks(ticks, [str(tick) for tick in ticks])
+        ax.minorticks_off()
+        several = f"{env_label(env)} environment, {entries[0]['n_memories']} memories"
+        ax.set(title=several, xlabel="movements looked at for each one performed (1: nothing imagined)")
+    axes[0].set_ylabel(f"reward of {results['rows'][0]['n_actions']} performed movements")
+    axes[-1].legend(**BESIDE)
     return drawn
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from creative_nao import storage
-from creative_nao.agents.registry import UNTRAINED
+from creative_nao.agents.registry import UNTRAINED, split_name
 from creative_nao.errors import MissingDependencyError, NotFoundError
 from creative_nao.evaluation import pages, plots
 from creative_nao.evaluation.pages import env_label
@@ -53,9 +53,11 @@ def write_report(
 
     The folder's maps are read; `results` is the content of `results.json`, `record` that of `run.json`.
     """
-    maps = {memory: PBMap.load(folder / "maps" / f"{slug(memory)}.npz") for memory in suite.shown}
-    others = []  # told of by training if they come out of a bundle, else by docstring
-    for agent in [agent for agent in suite.agents if agent not in INTRODUCED]:
+    paths = {memory: folder / "maps" / f"{slug(memory)}.npz" for memory in suite.shown}
+    # Memories of more than two PB units have no map.
+    maps = {memory: PBMap.load(path) if path.stat().st_size else None for memory, path in paths.items()}
+    others = []  # told of by training if they come out of a bundle, else by docstring; each once, whatever it imagines
+    for agent in dict.fromkeys(split_name(agent)[0] for agent in suite.agents if agent not in INTRODUCED):
         about = (UNTRAINED[agent].__doc__ or "").strip().partition("\n")[0] if agent in UNTRAINED else None
         n_trained = actions_before(agent) or None
         others.append({"name": agent, "n_trained": n_trained, "about": about})
@@ -63,7 +65,7 @@ def write_report(
         "report.html.jinja",
         **findings(suite, results, measured),
         record=record,
-        n_basic=len(next(iter(maps.values())).names),
+        n_basic=max((len(scored.names) for scored in maps.values() if scored is not None), default=6),
         columns=pages.MEASURED_COLUMNS,
         rows=[_line(row, pages.cells(row)) for row in results["rows"]],
         summary_titles=[title.replace("\n", " ") for title in pages.SUMMARY_TITLES],
@@ -151,7 +153,7 @@ def notes(results: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
 
 
 def draw_figures(
-    folder: Path, suite: Suite, results: dict[str, Any], measured: Measured, maps: dict[str, PBMap]
+    folder: Path, suite: Suite, results: dict[str, Any], measured: Measured, maps: dict[str, PBMap | None]
 ) -> list[dict[str, Any]]:
     """Draw every figure into the subfolder `figures` of a run folder.
 
@@ -178,6 +180,8 @@ def draw_figures(
 def _draw_overall(suite: Suite, results: dict[str, Any], measured: Measured) -> dict[str, Figure]:
     summary = results["summary"]
     drawn = {"standing": plots.standing(results)}
+    if len({entry["n_candidates"] for entry in summary}) > 1:
+        drawn = {"frontier": plots.frontier(results), **drawn}
     if any(entry["versus"] is not None for entry in summary):
         drawn["improvement"] = plots.improvement(results)
     if any(entry["profile"] is not None and entry["agent"] != "oracle" for entry in summary):
@@ -188,15 +192,16 @@ def _draw_overall(suite: Suite, results: dict[str, Any], measured: Measured) -> 
 
 
 def _draw(
-    folder: Path, suite: Suite, results: dict[str, Any], measured: Measured, memory: str, scored: PBMap
+    folder: Path, suite: Suite, results: dict[str, Any], measured: Measured, memory: str, scored: PBMap | None
 ) -> dict[str, Figure]:
     mental = suite.oracle_envs[0] if suite.oracle_envs else suite.envs[0]
     drawn = {
         "reward": plots.rewards(suite, results, measured, memory),
         "cumulative": plots.cumulative(suite, measured, memory),
         "outcomes": plots.outcomes(suite, measured, memory),
-        "choices": choices(suite, measured, scored, memory, mental),
     }
+    if scored is not None:
+        drawn["choices"] = choices(suite, measured, scored, memory, mental)
     if any(training.memory == memory for training in measured.trainings):
         drawn["training"] = plots.training(suite, measured, memory)
     env = suite.envs[0]
@@ -221,7 +226,7 @@ def film(memory: Memory, episode: Episode) -> Figure | None:
     if not best:
         return None
     best = best[:N_ROWS]
-    moves = memory.generate(np.array([[action.pb_1, action.pb_2] for action in best]))
+    moves = memory.generate(np.array([action.pb for action in best]))
     try:
         strips = [_strip(move, float(memory.demonstrations.dt_s)) for move in moves]
     except MissingDependencyError:
@@ -276,10 +281,10 @@ def choices(suite: Suite, measured: Measured, scored: PBMap, memory: str, env: s
         if agent is not None:
             first, *others = measured.of(memory, env, agent)
             for episode in others:
-                points = np.array([[a.pb_1, a.pb_2] for a in episode.actions])
+                points = np.array([a.pb for a in episode.actions])
                 ax.plot(*points.T, "o", color=INK, markersize=3.2, markeredgecolor="white", markeredgewidth=0.5)
             large = [
-                ([(a.pb_1, a.pb_2) for a in first.actions if a.appropriate == usable], size, marker)
+                ([a.pb for a in first.actions if a.appropriate == usable], size, marker)
                 for usable, size, marker in ((True, 44, "o"), (False, 40, "X"))
             ]
         for points, size, marker in large:

@@ -19,8 +19,9 @@ import jinja2
 import numpy as np
 
 from creative_nao import storage
+from creative_nao.agents.registry import split_name
 from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError
-from creative_nao.evaluation.jobs import Job
+from creative_nao.evaluation.jobs import Job, oracle_of
 from creative_nao.evaluation.pages import FIGURE_TITLES
 from creative_nao.evaluation.protocol import Episode
 from creative_nao.evaluation.statistics import (
@@ -31,8 +32,9 @@ from creative_nao.evaluation.statistics import (
     performance_profile,
     profile_band,
     seed_sequence,
+    worth,
 )
-from creative_nao.evaluation.suites import Suite, actions_before, trained_here
+from creative_nao.evaluation.suites import Suite, actions_before, resolve_agent, trained_here
 from creative_nao.measures.outcome import PAPER_CRITERIA
 from creative_nao.model.controls import CONTROLS
 from creative_nao.schema import Count, Field, Text, must, parse, record
@@ -40,7 +42,10 @@ from creative_nao.schema import Count, Field, Text, must, parse, record
 Row = Mapping[str, Any]
 Entry = Mapping[str, Any]
 MAX_ROWS = 100_000
-MEASURED = ("appropriateness_pct", "novelty", "diversity", "reward", "oracle_share")
+MEASURED = (
+    "appropriateness_pct", "novelty", "diversity", "reward", "oracle_share", "best", "coverage_pct", "regret",
+    "refused_pct",
+)  # fmt: skip
 """Fields of a row that are a mean with an interval, or null."""
 THRESHOLDS = tuple(round(0.05 * place, 2) for place in range(21))
 """Shares of the oracle's reward at which a performance profile is read."""
@@ -56,7 +61,12 @@ WHY_NONE = {
     "novelty": "no appropriate action to measure",
     "diversity": "fewer than two appropriate actions to compare",
     "oracle_share": "the map offers the oracle no appropriate action",
+    "regret": "the map offers the oracle no appropriate action",
+    "coverage_pct": "what the oracle chooses on this memory does not ship",
 }
+SAME = "the same for every seed: agent and environment draw nothing, so that seeds tell nothing of other episodes"
+CURVE = "random"
+"""The agent whose rewards with rising numbers of candidates are the measure of the others."""
 
 
 Label = Annotated[str, Field(max_length=4_000)]
@@ -66,7 +76,7 @@ _Rewards = Annotated[dict[_SeedText, float], Field(max_length=10_000)]
 
 @record(closed=False)
 class MeanInterval:
-    """A mean with its 95 % interval; `low` and `high` are null when a single seed leaves it unknown."""
+    """A mean with its 95 % interval; `low` and `high` are null where seeds leave it unknown: one, or all the same."""
 
     mean: float
     low: float | None = None
@@ -165,7 +175,7 @@ class Oracle:
     """What the greedy oracle earns on the whole map of a memory, and what the map is made of."""
 
     memory: str
-    pb: tuple[tuple[float, float], ...]
+    pb: tuple[tuple[float, ...], ...]
     """What it chose, in order."""
     rewards: tuple[float, ...]
     """Reward of each of its actions, in order."""
@@ -205,7 +215,7 @@ def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, A
         spec, result, where = job.spec, done[job.name], f"result of job {job.name}"
         if job.kind == "play":
             episodes += [parse(Episode, values, where) for values in result["episodes"]]
-        elif job.kind == "chart":
+        elif job.kind == "chart" and spec["oracle"] == "found":
             memory = spec["memory"]["name"]
             values = {name: result[f"oracle_{name}"] for name in ("pb", "rewards")}
             oracles[memory] = parse(Oracle, {"memory": memory, "shares_pct": result["shares_pct"], **values}, where)
@@ -215,6 +225,10 @@ def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, A
             values = {name: result[name] for name in ("seed", "n_actions", "reward", "seconds")}
             values |= {"agent": spec["agent"], "memory": spec["memory"]["name"]}
             trainings.append(parse(Training, values, where))
+    for memory in suite.memories:
+        if memory not in oracles and (ours := oracle_of(suite, memory)) is not None:
+            pb, rewards = tuple(map(tuple, ours.pb.tolist())), tuple(ours.rewards.tolist())
+            oracles[memory] = Oracle(memory, pb, rewards, ours.shares_pct)
     episodes.sort(
         key=lambda e: (suite.memories.index(e.memory), suite.envs.index(e.env), suite.agents.index(e.agent), e.seed)
     )
@@ -226,8 +240,8 @@ def collect(suite: Suite, jobs: Sequence[Job], done: Mapping[str, Mapping[str, A
 def make_results(suite: Suite, measured: Measured, *, base_seed: int) -> dict[str, Any]:
     """Return the content of `results.json`; the seed of the whole evaluation decides the bootstrap samples too."""
     keys = itertools.product(suite.memories, suite.envs, suite.agents)
-    trained = {name: suite.ppo.n_generated if trained_here(name) else actions_before(name) for name in suite.agents}
-    rows = [_row(suite, measured, memory, env, agent, base_seed, trained[agent]) for memory, env, agent in keys]
+    told = {name: _told(suite, name) for name in suite.agents}
+    rows = [_row(suite, measured, memory, env, agent, base_seed, told[agent]) for memory, env, agent in keys]
     results = {
         "suite": suite.name,
         "rows": rows,
@@ -285,23 +299,37 @@ def compare_conditions(taught: Sequence[Mapping[str, Any]], base_seed: int) -> l
     return found
 
 
+def _told(suite: Suite, agent: str) -> dict[str, Any]:
+    """Return what an agent was given: its track, candidates for each movement, and actions in training."""
+    if trained_here(agent):
+        number = split_name(agent)[1] or 1
+        return {"track": "outcomes", "n_candidates": number, "n_actions_training": suite.ppo.n_generated}
+    made = resolve_agent(agent)
+    return {"track": str(made.track), "n_candidates": made.n_candidates, "n_actions_training": actions_before(agent)}
+
+
 def _row(
-    suite: Suite, measured: Measured, memory: str, env: str, agent: str, base_seed: int, n_actions_training: int
+    suite: Suite, measured: Measured, memory: str, env: str, agent: str, base_seed: int, told: Mapping[str, Any]
 ) -> dict[str, Any]:
     episodes = measured.of(memory, env, agent)
     trainings = [t for t in measured.trainings if (t.memory, t.agent) == (memory, agent)]
     row: dict[str, Any] = {"agent": agent, "env": env, "memory": memory}
     row |= {"n_seeds": len(episodes), "n_actions": suite.n_actions}
+    row |= {**told, "n_imagined": sum(e.n_imagined for e in episodes) / len(episodes)}
     best = None
     if env in suite.oracle_envs and memory in measured.oracles:
         best = math.fsum(measured.oracles[memory].rewards)
     for field in MEASURED:
-        if field == "oracle_share" and best is None:
+        if field in ("oracle_share", "regret") and best is None:
             reason = NO_ORACLE_UNFOLDING if "Modulation" in env else NO_ORACLE
             row[field], row[f"{field}_reason"] = None, reason if suite.charted == "all" else NO_ORACLE_ASKED
             continue
-        shares = [episode.reward / best if best else None for episode in episodes]
-        values = shares if field == "oracle_share" else [getattr(episode, field) for episode in episodes]
+        if field == "oracle_share":
+            values = [episode.reward / best if best else None for episode in episodes]
+        elif field == "regret":
+            values = [best - episode.reward if best else None for episode in episodes]
+        else:
+            values = [getattr(episode, field) for episode in episodes]
         stream = seed_sequence(base_seed, agent, env, memory, field)
         row |= _field(field, values, np.random.default_rng(stream))
     return {
@@ -310,7 +338,6 @@ def _row(
         "reward_per_seed": {str(episode.seed): episode.reward for episode in episodes},
         "oracle_reward": best,
         "outcomes": dict(sorted(Counter(action.outcome for e in episodes for action in e.actions).items())),
-        "n_actions_training": n_actions_training,
         "seconds": math.fsum(episode.seconds for episode in episodes) / len(episodes),
         "seconds_training": math.fsum(t.seconds for t in trainings) / len(trainings) if trainings else 0.0,
     }
@@ -321,12 +348,14 @@ def _field(field: str, values: Sequence[float | None], rng: np.random.Generator)
     if not known:
         return {field: None, f"{field}_reason": WHY_NONE[field]}
     found = estimate(np.array(known), rng=rng)
+    if field == "reward":
+        found = _over_seeds(found, np.array(known))
     described: dict[str, Any] = {field: found}
     reasons = []
     if len(known) < len(values):
         reasons.append(f"over {len(known)} of {len(values)} seeds; in the others {WHY_NONE[field]}")
     if found["low"] is None:
-        reasons.append("no interval from a single seed")
+        reasons.append("no interval from a single seed" if len(known) == 1 else SAME)
     if reasons:
         described[f"{field}_reason"] = "; ".join(reasons)
     return described
@@ -337,7 +366,8 @@ def summarise(rows: Sequence[Row], *, baseline: str, base_seed: int) -> list[dic
 
     `oracle_share`, `oracle_share_iqm` and `profile` are null without an oracle. `versus`, null for the baseline,
     compares the rewards on the same memories: `difference` keeps the memories, `difference_other_memories` draws them
-    anew too.
+    anew too. `worth` is how many uniform candidates a movement would earn as much, by the rewards of `random@1`,
+    `random@2`, ... on the same memories; null where fewer than two of these take part.
     """
     pairs = dict.fromkeys((row["env"], row["agent"]) for row in rows)
     return [_entry(rows, env, agent, baseline, base_seed) for env, agent in pairs]
@@ -345,6 +375,24 @@ def summarise(rows: Sequence[Row], *, baseline: str, base_seed: int) -> list[dic
 
 def _rewards(rows: Sequence[Row]) -> np.ndarray:  # shape (seeds, memories)
     return np.array([list(row["reward_per_seed"].values()) for row in rows], dtype=np.float64).T
+
+
+def _over_seeds(found: dict[str, Any], values: np.ndarray) -> dict[str, Any]:
+    """Return a mean without its interval where all seeds, the first axis, gave the same: they were no sample."""
+    return {**found, "low": None, "high": None} if len(values) > 1 and (values == values[0]).all() else found
+
+
+def _mean_over(rows: Sequence[Row], field: str) -> float | None:
+    """Return the mean of a field over memories; None where a row lacks it."""
+    found = [row.get(field) for row in rows]
+    values = [value["mean"] if isinstance(value, Mapping) else value for value in found]
+    return None if None in values else math.fsum(values) / len(values)
+
+
+def curve_place(agent: str) -> int:
+    """Return how many candidates a point of the random curve looks at; 0 for any other agent."""
+    base, number = split_name(agent)
+    return number or 0 if base == CURVE else 0
 
 
 def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: int) -> dict[str, Any]:
@@ -360,13 +408,24 @@ def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: 
         "n_memories": rewards.shape[1],
         "n_seeds": rewards.shape[0],
         "n_actions_training": own[0]["n_actions_training"],
-        "reward": estimate(rewards, rng=rng("reward")),
+        **{name: own[0].get(name) for name in ("track", "n_candidates", "n_actions")},
+        **{name: _mean_over(own, name) for name in ("n_imagined", "best", "coverage_pct", "regret", "refused_pct")},
+        "worth": None,
+        "worth_most": None,
+        "reward_other_memories": estimate_over_tasks(rewards, rng=rng("reward_other_memories")),
+        "reward": _over_seeds(estimate(rewards, rng=rng("reward")), rewards),
         "reward_iqm": estimate(rewards, rng=rng("reward_iqm"), statistic=iqm),
         "oracle_share": None,
         "oracle_share_iqm": None,
         "profile": None,
         "versus": None,
     }
+    curve = [
+        (number, _rewards([row for row in rows if (row["env"], row["agent"]) == (env, f"{CURVE}@{number}")]))
+        for number in sorted({curve_place(row["agent"]) for row in rows} - {0})
+    ]
+    if len(curve) > 1 and all(one.shape[1:] == rewards.shape[1:] for _, one in curve):
+        entry |= {"worth": worth(rewards, curve, rng=rng("worth")), "worth_most": curve[-1][0]}
     if all(best):  # every memory has an oracle, which earns something
         shares = rewards / np.array(best)
         low, high = profile_band(shares, np.array(THRESHOLDS), rng=rng("profile"))

@@ -20,7 +20,7 @@ from creative_nao.evaluation.pages import markdown_table
 from creative_nao.evaluation.protocol import write_episodes
 from creative_nao.evaluation.results import Measured, collect, make_results, naming, write_results
 from creative_nao.evaluation.runner import Executor, LocalExecutor, Progress
-from creative_nao.evaluation.suites import Suite, in_bundle
+from creative_nao.evaluation.suites import Suite, bundle_of
 from creative_nao.model import memory
 from creative_nao.model.memory import shipped_memories
 from creative_nao.runtime import record, sha256
@@ -146,7 +146,8 @@ def input_hashes(suite: Suite) -> dict[str, str]:
 
     Names that only an environment knows are left out, and so are memories that the suite itself trains.
     """
-    found = {name: _sha256(find_bundle(name)) for name in suite.agents if in_bundle(name)}
+    bundles = dict.fromkeys(map(bundle_of, suite.agents))
+    found = {name: _sha256(find_bundle(name)) for name in bundles if name is not None}
     if suite.taught is not None:
         for folder in filter(None, (suite.taught.demonstrations, *(one.demonstrations for one in suite.taught.sets))):
             found |= {str(path): sha256(path) for path in sorted(filter(Path.is_file, Path(folder).iterdir()))}

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -141,6 +141,31 @@ def estimate_over_tasks(values: np.ndarray, *, rng: np.random.Generator) -> Esti
         return mean(values[rng.integers(n_runs, size=(N_RESAMPLES_OVER_TASKS, n_runs, n_tasks)), tasks])
 
     return _estimate(float(mean(values)), n_tasks, samples)
+
+
+def worth(ours: np.ndarray, curve: Sequence[tuple[int, np.ndarray]], *, rng: np.random.Generator) -> Estimate:
+    """Return how many imagined candidates a movement an agent is worth: where the random curve reaches its mean.
+
+    Between two points of the curve the reward is linear in the logarithm of the candidates. Beyond its ends the figure
+    is the end: read as "at most" or "at least". Runs of the agent and of the curve are resampled together.
+
+    Args:
+        ours: Rewards of the agent, shape (runs, tasks).
+        curve: Candidates and rewards (runs, tasks) of uniform candidates on the same tasks; candidates rise.
+        rng: Draws the bootstrap samples.
+    """
+    steps = np.log([k for k, _ in curve])
+
+    def reached(level: np.ndarray, means: np.ndarray) -> np.ndarray:  # (n,), (n, points) -> (n,)
+        rising = np.maximum.accumulate(means, axis=1)
+        return np.array([np.exp(np.interp(one, row, steps)) for one, row in zip(level, rising, strict=True)])
+
+    def samples() -> np.ndarray:
+        drawn = [mean(resample(rewards, N_RESAMPLES_OVER_TASKS, rng)) for rewards in (ours, *(r for _, r in curve))]
+        return reached(drawn[0], np.stack(drawn[1:], axis=1))
+
+    middle = reached(np.array([mean(ours)]), np.array([[float(mean(rewards)) for _, rewards in curve]]))
+    return _estimate(float(middle[0]), min(len(ours), *(len(rewards) for _, rewards in curve)), samples)
 
 
 def performance_profile(values: np.ndarray, thresholds: np.ndarray) -> np.ndarray:

@@ -12,12 +12,21 @@ import math
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from creative_nao.agents.base import Agent, PolicyAgent
+from creative_nao.agents.base import Agent
 from creative_nao.agents.bundle import load_bundle, shipped_agents
-from creative_nao.agents.registry import NAMES, TRAINED, UNTRAINED, is_entry_point, load_entry_point, make_agent
+from creative_nao.agents.registry import (
+    NAMES,
+    TRAINED,
+    UNTRAINED,
+    is_entry_point,
+    load_entry_point,
+    make_agent,
+    split_name,
+)
 from creative_nao.agents.training import PPOSettings
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.envs import ENVIRONMENTS
@@ -155,7 +164,7 @@ class Suite:
     n_seeds: _Repeats
     """Repetitions of everything; agents that are trained here are trained anew for each."""
     n_actions: _Repeats
-    """Budget of an episode, in generated actions."""
+    """Budget of an episode, in performed movements."""
     training_env: str
     """Where agents are trained that come in no bundle, on the memory on which they are judged."""
     ppo: PPOSettings
@@ -177,6 +186,9 @@ class Suite:
     """Memories to be trained in the run folder first."""
     charted: Literal["all", "shown"] = "all"
     """Of which memories the whole map is searched by the oracle: all, or only those that the report draws."""
+    n_imagined: Annotated[tuple[Annotated[int, Field(ge=1, le=100_000)], ...], Field(max_length=100)] = ()
+    """Movements that every agent looks at for each one performed: it takes part once with each, as `spread@8`. An agent
+    named with its own number, as `bayesian@1`, takes part with that."""
 
     def __post_init__(self) -> None:
         n_episodes = self.n_seeds * math.prod(map(len, (self.agents, self.envs, self.memories)))
@@ -237,7 +249,7 @@ def read_suite(path: Path, *, trusted: bool = False) -> Suite:
     return suite
 
 
-def suite_from_values(values: Mapping[str, Any], *, where: str) -> Suite:
+def suite_from_values(values: Mapping[str, Any], *, where: str, check_names: bool = False) -> Suite:
     """Make a suite out of plain values, as TOML or a record holds them.
 
     Args:
@@ -245,9 +257,11 @@ def suite_from_values(values: Mapping[str, Any], *, where: str) -> Suite:
             `memories` (with `taught`) may be left out; a part of the bank, as `test`, stands for its memories, and
             `seconds_per_action` may be a table.
         where: Beginning of error messages.
+        check_names: Whether everything that the suite names has to exist.
 
     Raises:
         SettingsError: If a key is unknown, missing, of another type or out of range; the message names it.
+        NotFoundError: If a name is to be checked and does not exist.
     """
     chosen: dict[str, Any] = {"n_seeds": 10, "n_actions": 30, "training_env": MENTAL, "memories": (), "ppo": {}}
     chosen |= values
@@ -263,7 +277,21 @@ def suite_from_values(values: Mapping[str, Any], *, where: str) -> Suite:
         named = [name for part in parts for name in part]
         taught = chosen["taught"].names if chosen.get("taught") is not None else ()
         chosen["memories"] = [*named, *(name for name in taught if name not in named)]
-    return parse(Suite, chosen, where, error=SettingsError)
+    suite = with_n_imagined(parse(Suite, chosen, where, error=SettingsError))
+    if check_names:
+        _check_names(suite, where)
+    return suite
+
+
+def with_n_imagined(suite: Suite) -> Suite:
+    """Return a suite in which every agent without a number of its own takes part once with each of `n_imagined`."""
+    if not suite.n_imagined:
+        return suite
+    names = [
+        [agent] if split_name(agent)[1] is not None else [f"{agent}@{n}" for n in suite.n_imagined]
+        for agent in suite.agents
+    ]
+    return replace(suite, agents=tuple(dict.fromkeys(name for some in names for name in some)))
 
 
 def refuse_modules(suite: Suite, where: str) -> None:
@@ -274,7 +302,8 @@ def refuse_modules(suite: Suite, where: str) -> None:
         NotFoundError: If an environment is none of this project's.
     """
     envs = [name for name in (*suite.envs, suite.training_env, *suite.oracle_envs) if ":" in name]
-    for name in (*filter(is_entry_point, suite.agents), *envs):  # whatever file of that name lies here
+    agents = [name for name in suite.agents if is_entry_point(split_name(name)[0])]
+    for name in (*agents, *envs):  # whatever file of that name lies here
         raise SettingsError(
             f"{where}: `{name}` is a module that would be imported and run; if you trust the file, add --trust"
         )
@@ -308,12 +337,19 @@ def _check_envs(suite: Suite, where: str) -> None:
 
 def trained_here(name: str) -> bool:
     """Return whether an agent is trained by the suite itself, on the memory on which it is judged."""
-    return name == PPO
+    return split_name(name)[0] == PPO
+
+
+def bundle_of(name: str) -> str | None:
+    """Return the bundle, trained before, that an agent comes out of: a shipped name or a file; None for any other."""
+    base, _ = split_name(name)
+    found = base not in NAMES and not is_entry_point(base) and (base in shipped_agents() or os.path.isfile(base))
+    return base if found else None
 
 
 def in_bundle(name: str) -> bool:
     """Return whether an agent comes out of a bundle that was trained before."""
-    return name not in NAMES and not is_entry_point(name) and (name in shipped_agents() or os.path.isfile(name))
+    return bundle_of(name) is not None
 
 
 def check_agent(name: str) -> str:
@@ -328,23 +364,24 @@ def check_agent(name: str) -> str:
         FileFormatError: If a bundle is damaged.
         MissingDependencyError: If it needs a package that is not installed; the message names its extra.
     """
+    base, _ = split_name(name)
     if trained_here(name):
         return name
-    if name in UNTRAINED:
-        UNTRAINED[name]()
+    if base in UNTRAINED:
+        make_agent(name)
     elif in_bundle(name):
-        load_bundle(name)
-    elif is_entry_point(name):
-        load_entry_point(name)
-    elif name in TRAINED:
+        load_bundle(base)
+    elif is_entry_point(base):
+        load_entry_point(base)
+    elif base in TRAINED:
         raise NotFoundError(
-            f"agent `{name}` takes part out of a bundle, such as `{name}/BoxingMental-v0` or a file of "
-            f"`creative-nao agent train {name}`"
+            f"agent `{base}` takes part out of a bundle, such as `{base}/BoxingMental-v0` or a file of "
+            f"`creative-nao agent train {base}`"
         )
     else:
         known = (*UNTRAINED, PPO, *shipped_agents())
         raise NotFoundError(
-            f"no agent `{name}`{nearest_name(name, known)}; there are: {', '.join(known)}, bundle files, and "
+            f"no agent `{base}`{nearest_name(base, known)}; there are: {', '.join(known)}, bundle files, and "
             "package.module:factory for your own"
         )
     return name
@@ -356,14 +393,14 @@ def resolve_agent(name: str, bundle: Path | None = None) -> Agent:
     Raises:
         CreativeNaoError: As of `check_agent`.
     """
-    if in_bundle(name):
-        trained = load_bundle(name)
-        return PolicyAgent(trained, deterministic=trained.header.deterministic, name=name)
-    return make_agent(check_agent(name), bundle)
+    agent = make_agent(check_agent(name), bundle)
+    agent.name = name  # pyright: ignore[reportAttributeAccessIssue]
+    return agent
 
 
 def actions_before(name: str) -> int:
     """Return how many actions an agent generated in training: as its bundle or its factory tells, else 0."""
-    if in_bundle(name):
-        return load_bundle(name).header.n_actions_training
-    return load_entry_point(name).n_actions_training if is_entry_point(name) else 0
+    base, _ = split_name(name)
+    if (bundle := bundle_of(name)) is not None:
+        return load_bundle(bundle).header.n_actions_training
+    return load_entry_point(base).n_actions_training if is_entry_point(base) else 0

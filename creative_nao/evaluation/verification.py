@@ -138,7 +138,7 @@ def contradictions(results: Mapping[str, Any], baseline: str, base_seed: int) ->
         found += [
             f"{_name(entry)}: `{field}` of the summary does not follow from the rows"
             for field in entry
-            if not _close(entry[field], published.get(field))
+            if field in published and not _close(entry[field], published[field])  # older files have fewer
         ]
     return found
 

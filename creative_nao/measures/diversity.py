@@ -217,6 +217,10 @@ class FarthestPoints:
         return float(self.rewards.sum())
 
 
+LOOKED_AT = 256
+"""Candidates that `farthest_points` compares together."""
+
+
 def farthest_points(
     trajectories: Trajectories,
     demos: BasicActions,
@@ -226,8 +230,9 @@ def farthest_points(
 ) -> FarthestPoints:
     """Choose actions greedily, each the farthest from the basic actions and from those chosen before (the oracle).
 
-    Fewer than `n_actions` are returned where fewer are appropriate. The choice is exact: each pick costs one column of
-    distances, from every candidate to the action picked last; of equally far ones the first is taken. Greedy is not the
+    Fewer than `n_actions` are returned where fewer are appropriate. The choice is exact; of equally far ones the first
+    is taken. A candidate's distance to what is known only falls, so that one is compared with the actions picked since
+    it was looked at last only where what it had then could still be the largest. Greedy is not the
     best possible set, but no order of single choices that looks one step ahead earns more at any step.
     """
     n_actions = checked(Count, n_actions, "n_actions")
@@ -236,17 +241,26 @@ def farthest_points(
     is_array = isinstance(trajectories, np.ndarray)
     pool = trajectories[candidates] if is_array else [np.asarray(trajectories[k]) for k in candidates.tolist()]
     scale = reward_scale(demos)
-    known = list(demos.trajectories)
     chosen: list[int] = []
     rewards: list[float] = []
-    nearest = np.full(len(candidates), np.inf)
+    nearest = dtw_matrix(pool, list(demos.trajectories)).min(axis=1) if len(candidates) else np.empty(0)
+    n_seen = np.zeros(len(candidates), np.int64)  # how many of the chosen each candidate was compared with
     while len(chosen) < min(n_actions, len(candidates)):
-        nearest = np.minimum(nearest, dtw_matrix(pool, known).min(axis=1))
-        nearest[chosen] = -np.inf
-        pick = int(np.argmax(nearest))
+        while True:
+            is_stale = n_seen < len(chosen)
+            best = nearest[~is_stale].max(initial=-np.inf)
+            (rest,) = (is_stale & (nearest >= best) & (nearest > -np.inf)).nonzero()
+            if not len(rest):
+                break
+            rows = rest[np.argsort(-nearest[rest], kind="stable")[:LOOKED_AT]]
+            rows = rows[n_seen[rows] == n_seen[rows[0]]]
+            some, since = [pool[row] for row in rows], [pool[k] for k in chosen[n_seen[rows[0]] :]]
+            nearest[rows] = np.minimum(nearest[rows], dtw_matrix(some, since).min(axis=1))
+            n_seen[rows] = len(chosen)
+        pick = int(np.argmax(np.where(n_seen == len(chosen), nearest, -np.inf)))
         chosen.append(pick)
         rewards.append(float(nearest[pick]) / scale)
-        known = [np.asarray(pool[pick])]
+        nearest[pick] = -np.inf
     return FarthestPoints(candidates[chosen], np.array(rewards))
 
 

@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from creative_nao.agents import BundleHeader, PPOSettings, load_agent, make_agent, save_bundle, train_ppo
+from creative_nao.agents import BundleHeader, PPOSettings, as_agent, load_agent, make_agent, save_bundle, train_ppo
 from creative_nao.agents.bundle import KIND
 from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
@@ -79,9 +79,31 @@ def test_a_setting_out_of_range_is_named(values, text):
 def test_a_bundle_predicts_the_same_bits(policy, bundle):
     loaded = load_agent(bundle)
     batch = observations()
-    assert np.array_equal(loaded.predict(batch)[0], policy.predict(batch, deterministic=True)[0])
-    assert np.array_equal(loaded.predict(batch[0])[0], policy.predict(batch[0], deterministic=True)[0])
-    assert not np.array_equal(loaded.predict(batch)[0], loaded.predict(batch + 0.1)[0])
+    likeliest = loaded.predict(batch, deterministic=True)[0]
+    assert np.array_equal(likeliest, policy.predict(batch, deterministic=True)[0])
+    one = loaded.predict(batch[0], deterministic=True)[0]
+    assert np.array_equal(one, policy.predict(batch[0], deterministic=True)[0])
+    assert not np.array_equal(likeliest, loaded.predict(batch + 0.1, deterministic=True)[0])
+
+
+@pytest.mark.parametrize("name", ["ppo/BoxingMental-v0", "sac/BoxingMental-v0"])
+def test_a_shipped_agent_acts_as_it_was_judged_and_says_how(name):
+    """Without being told: drawn actions where its score was played with drawn ones, also as an agent."""
+    import torch
+
+    trained = load_agent(name)
+    seen = np.zeros((64, *trained.header.observation_space.shape), np.float32)
+    judged = trained.header.deterministic
+    torch.manual_seed(0)
+    default = trained.predict(seen)[0]
+    torch.manual_seed(0)
+    assert np.array_equal(default, trained.predict(seen, deterministic=judged)[0])
+    torch.manual_seed(0)
+    assert not np.array_equal(default, trained.predict(seen, deterministic=not judged)[0])
+    agent = as_agent(trained)
+    assert agent.deterministic == judged
+    assert ("drawn" in repr(agent)) is not judged
+    assert as_agent(trained, deterministic=not judged).deterministic is not judged
 
 
 def test_a_bundle_says_what_made_it(bundle):

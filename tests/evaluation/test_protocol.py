@@ -10,7 +10,7 @@ import pytest
 
 from creative_nao.agents import make_agent
 from creative_nao.errors import SettingsError
-from creative_nao.evaluation.protocol import COLUMNS, Episode, play, random_streams, write_episodes
+from creative_nao.evaluation.protocol import Episode, play, random_streams, write_episodes
 from creative_nao.schema import dump, parse
 
 
@@ -21,7 +21,7 @@ def episode(agent="random", physical=False, n_actions=30, **kwargs):
 
 
 def points(found):
-    return [(action.pb_1, action.pb_2) for action in found.actions]
+    return [action.pb for action in found.actions]
 
 
 def test_an_episode_spends_the_whole_budget():
@@ -57,7 +57,11 @@ def test_the_csv_holds_every_action_with_all_digits(tmp_path):
     found = [episode(seed=0), episode(seed=1)]
     with open(write_episodes(tmp_path / "episodes.csv", found), encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert tuple(rows[0]) == COLUMNS
+    columns = (
+        "agent,env,memory,seed,step,pb_1,pb_2,outcome,appropriate,nearest,distance,known_distance,reward,"
+        "repertoire_size,n_imagined"
+    )
+    assert ",".join(rows[0]) == columns
     assert len(rows) == 60
     assert float(rows[31]["distance"]) == found[1].actions[1].distance
     assert rows[31]["seed"] == "1"

@@ -6,7 +6,7 @@ import json
 import pytest
 
 from creative_nao.agents.bundle import shipped_agents
-from creative_nao.agents.registry import UNTRAINED
+from creative_nao.agents.registry import UNTRAINED, make_agent
 from creative_nao.agents.training import PPOSettings
 from creative_nao.demonstrations import Demonstrations, load_demonstrations, save_demonstrations
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
@@ -28,14 +28,14 @@ def write(tmp_path):
     return write
 
 
-def test_quick_is_what_it_always_was():
+def test_quick_shows_what_drawing_spreading_imagining_and_training_find():
     quick = find_suite("quick")
-    assert quick.agents == ("supervised", "random", "ppo")
+    assert quick.agents == ("supervised", "random", "spread", "imagine", "ppo")
     assert quick.envs == ("CreativeNao/Boxing-v0", "CreativeNao/BoxingMental-v0")
-    assert (quick.memories, quick.n_seeds, quick.n_actions) == (("half/0",), 8, 30)
+    assert (quick.memories, quick.n_seeds, quick.n_actions) == (("half/0",), 5, 30)
     assert quick.training_env == "CreativeNao/BoxingMental-v0"
     assert quick.oracle_envs == ("CreativeNao/BoxingMental-v0",)
-    assert (quick.ppo, quick.resolution, quick.seeds_per_job) == (PPOSettings(), 200, 4)
+    assert (quick.ppo, quick.resolution, quick.seeds_per_job) == (PPOSettings(), 200, 5)
 
 
 def test_the_suites_of_the_benchmark_ship():
@@ -53,7 +53,9 @@ def test_search_judges_on_memories_that_no_training_sees():
 
 def test_search_lets_all_agents_play_but_the_slow_one_and_the_one_that_knows_the_map():
     agents = set(find_suite("search").agents)
-    assert set(UNTRAINED) - agents == {"bayesian", "oracle"}
+    imagining = {name for name in UNTRAINED if make_agent(name).imagines or make_agent(name).n_candidates > 1}
+    hand_rules = {"lattice", "spread", "spread_points"}  # which `frontier` compares, as those that imagine
+    assert set(UNTRAINED) - agents == {"bayesian", "oracle"} | imagining | hand_rules
     assert agents - set(UNTRAINED) == {name for name in shipped_agents() if name.endswith("/BoxingMental-v0")}
 
 

@@ -1,0 +1,233 @@
+"""Imagining before performing: any agent can look at k movements and perform the most novel; `plan` keeps them all."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, TypeVar
+
+import numpy as np
+
+from creative_nao.agents.base import Agent, Context, MovementAgent, check_kind
+from creative_nao.agents.black_box import RandomAgent, sobol_points, uniform_points
+from creative_nao.envs import Track
+from creative_nao.errors import SettingsError
+from creative_nao.measures import dtw_matrix
+from creative_nao.schema import Count, Field, Index, Positive, UnitInterval, checked, record
+
+S = TypeVar("S")
+
+
+@record
+class RehearsalSettings:
+    """How much is imagined before a movement is performed."""
+
+    n_candidates: Annotated[int, Field(ge=1, le=100_000)] = 8
+    """Movements looked at for each one performed. With 1, what is proposed is performed and nothing is imagined."""
+    n_with_body: Index = 0
+    """So many of them are kept to imagine the best with the body, one after another until it refuses none."""
+
+    def __post_init__(self) -> None:
+        if self.n_with_body >= self.n_candidates:
+            raise SettingsError(f"`n_with_body` should be below `n_candidates` {self.n_candidates}")
+
+
+class Rehearsal(MovementAgent[RehearsalSettings]):
+    """Imagines proposals of an agent and performs the farthest from everything known: mental simulation.
+
+    The agent inside is told what became of each imagined movement as if it had been performed, so that one that
+    learns within an episode learns from what it imagines. A policy sees the observation of what was performed.
+
+    Args:
+        agent: Proposes movements.
+        settings: How many it looks at.
+        name: Under which results list it; None takes the agent's with `@` and the number of candidates.
+    """
+
+    name: ClassVar[str] = "rehearsal"
+    learns_within_episode: ClassVar[bool] = True
+    settings_type = RehearsalSettings
+
+    def __init__(self, agent: Agent, settings: RehearsalSettings | None = None, *, name: str | None = None):
+        super().__init__(settings)
+        self.agent = check_kind(agent, Agent, "agent")
+        self.n_candidates = self.settings.n_candidates
+        self.track = agent.track  # pyright: ignore[reportAttributeAccessIssue]
+        self.name = name or f"{agent.name}@{self.n_candidates}"  # pyright: ignore[reportAttributeAccessIssue]
+
+    def start(self, context: Context) -> None:
+        """Begin an episode of the agent inside, which may propose `n_candidates` movements for each performed."""
+        super().start(context)
+        self.agent.begin(replace(context, n_actions=context.n_actions * self.n_candidates))
+
+    def choose(self, observation: np.ndarray) -> np.ndarray:
+        """Return the PB vector of the movement, shape (n_pb,)."""
+        self._observation = observation
+        return super().choose(observation)
+
+    def next_pb(self) -> np.ndarray:
+        """Imagine, and return the PB vector of the best movement, shape (n_pb,)."""
+        if self.n_candidates == 1:
+            return self.agent.ask(self._observation)
+        n_with_body = self.settings.n_with_body
+        found = self.agent.look_ahead(self._observation, self.n_candidates - n_with_body)
+        ranked = sorted(found, key=lambda one: -one[1]["reward"])  # stable: of equal ones the first
+        for pb, _ in ranked[:n_with_body]:
+            (info,) = self.context.imagine(pb, with_body=True)
+            if info["appropriate"]:
+                return pb
+        return ranked[min(n_with_body, len(ranked) - 1)][0]
+
+    def learn(self, pb: np.ndarray, observation: np.ndarray, reward: float, info: Mapping[str, Any]) -> None:
+        """Tell the agent inside which movement was performed, where one has ended."""
+        super().learn(pb, observation, reward, info)
+        if self._held is None:
+            tell = self.agent.tell if self.n_candidates == 1 else self.agent.learn_performed
+            tell(pb, observation, reward, info)
+
+
+class ImagineAgent(Rehearsal):
+    """Imagines uniformly drawn movements and performs the one farthest from everything known."""
+
+    name: ClassVar[str] = "imagine"
+
+    def __init__(self, settings: RehearsalSettings | None = None, *, name: str | None = None):
+        super().__init__(RandomAgent(), settings, name=name or self.name)
+
+
+class ImagineWithBodyAgent(ImagineAgent):
+    """Imagines uniformly drawn movements, then the best with the body, and performs the first that it can do."""
+
+    name: ClassVar[str] = "imagine_with_body"
+
+    def __init__(self, settings: RehearsalSettings | None = None, *, name: str | None = None):
+        super().__init__(RehearsalSettings(n_candidates=16, n_with_body=8) if settings is None else settings, name=name)
+
+
+class PlanningAgent(MovementAgent[S]):
+    """Keeps every movement that it imagines and performs the one farthest from what is known by then.
+
+    A subclass says where to imagine in `where`, and what to perform without imagining in `untried`. Its settings tell
+    `first_share`, the part of the budget that is imagined before the first movement, evenly spread (Sobol); the rest is
+    imagined in equal parts before each movement.
+    """
+
+    learns_within_episode: ClassVar[bool] = True
+    imagines: ClassVar[bool] = True
+    track = Track.TRAJECTORIES
+
+    def start(self, context: Context) -> None:
+        """Imagine the first share."""
+        super().start(context)
+        settings: Any = self.settings
+        self._known = list(context.demonstrations.trajectories)
+        self._n_left = context.n_actions
+        self._pool_pb: list[np.ndarray] = []
+        self._pool: list[np.ndarray] = []
+        self._distances = np.empty(0)
+        n_first = round(settings.first_share * context.n_imagined_left)
+        self._spread = iter(sobol_points(context, max(n_first, context.n_actions)))
+        if n_first:
+            self.imagine(np.array([next(self._spread) for _ in range(n_first)]))
+
+    def imagine(self, points: np.ndarray) -> None:
+        """Imagine movements, shape (n, n_pb), and keep those that are appropriate."""
+        found = [*zip(points, self.context.imagine(points), strict=True)]
+        for pb, info in found:
+            self.learn_imagined(pb, info)
+        kept = [(pb, info["trajectory"]) for pb, info in found if info["appropriate"]]
+        if kept:
+            moves = [move for _, move in kept]
+            self._pool_pb += [pb for pb, _ in kept]
+            self._pool += moves
+            self._distances = np.concatenate([self._distances, dtw_matrix(moves, self._known).min(axis=1)])
+
+    def next_pb(self) -> np.ndarray:
+        """Imagine a part of the budget, and return the PB vector of the movement farthest from all known ones."""
+        self._is_imagined = False
+        if n := self.context.n_imagined_left // self._n_left:
+            self.imagine(self.where(n))
+        if not len(self._distances) or not np.isfinite(best := self._distances.max()) or best < 0.0:
+            return self.untried()
+        place = int(self._distances.argmax())
+        self._distances[place] = -np.inf  # performed once
+        self._is_imagined = True
+        return self._pool_pb[place]
+
+    def learn(self, pb: np.ndarray, observation: np.ndarray, reward: float, info: Mapping[str, Any]) -> None:
+        """Take in a movement that has ended: an appropriate one is known from now on."""
+        super().learn(pb, observation, reward, info)
+        if self._held is not None:
+            return
+        self._n_left -= 1
+        if not (self._is_imagined and info["appropriate"]):  # else nothing new
+            self.learn_imagined(np.asarray(pb, np.float64), info)
+        if info["appropriate"]:
+            self._known.append(np.asarray(info["trajectory"]))
+            if self._pool:
+                self._distances = np.minimum(self._distances, dtw_matrix(self._pool, self._known[-1:])[:, 0])
+
+    @abstractmethod
+    def where(self, n: int) -> np.ndarray:
+        """Return where to imagine next, shape (n, n_pb)."""
+
+    def untried(self) -> np.ndarray:
+        """Return what to perform where nothing was imagined, shape (n_pb,)."""
+        return next(self._spread)
+
+    def learn_imagined(self, pb: np.ndarray, info: Mapping[str, Any]) -> None:
+        """Take in a movement, imagined or performed; ignored unless a subclass says otherwise."""
+
+
+@record
+class PlanSettings:
+    """When and where the planner imagines."""
+
+    first_share: UnitInterval = 0.5
+    """Part of the budget that is imagined, evenly spread, before the first movement is performed."""
+    sigma: Positive = 0.2
+    """Standard deviation of the later points around the best one imagined, in each PB unit; the square is 2 wide."""
+
+
+class PlanAgent(PlanningAgent[PlanSettings]):
+    """Imagines half of its budget first, evenly spread, the rest around the best so far; performs the farthest of all.
+
+    Without imagining it plays a Sobol sequence.
+    """
+
+    name: ClassVar[str] = "plan"
+    settings_type = PlanSettings
+
+    def where(self, n: int) -> np.ndarray:
+        """Draw points around the best movement imagined and not yet performed, shape (n, n_pb)."""
+        space = self.context.action_space
+        if not self._pool:
+            return uniform_points(self.context, n)
+        best = self._pool_pb[int(self._distances.argmax())]
+        return np.clip(
+            best + self.context.rng.normal(0.0, self.settings.sigma, (n, *space.shape)), space.low, space.high
+        )
+
+
+def rehearse(agent: Agent, n_candidates: int) -> Agent:
+    """Return an agent that imagines `n_candidates` proposals for each movement and performs the most novel one.
+
+    One that imagines by itself (`imagines`) is given this budget instead. The name tells it, as `spread@8`.
+
+    Example:
+        >>> from creative_nao.agents import SpreadAgent
+        >>> rehearse(SpreadAgent(), 8).name
+        'spread@8'
+    """
+    n_candidates = checked(Count, n_candidates, "n_candidates")
+    name = f"{check_kind(agent, Agent, 'agent').name}@{n_candidates}"
+    if isinstance(agent, Rehearsal):
+        settings = replace(agent.settings, n_candidates=n_candidates)
+        kind: Any = type(agent)
+        return kind(settings, name=name) if isinstance(agent, ImagineAgent) else Rehearsal(agent.agent, settings)
+    if not agent.imagines:
+        return Rehearsal(agent, RehearsalSettings(n_candidates))
+    agent.n_candidates = n_candidates
+    agent.name = name  # pyright: ignore[reportAttributeAccessIssue]
+    return agent
