@@ -1,58 +1,105 @@
-"""How long after a click on the explorer's map does the robot begin the movement there?
+"""How soon after a click does the explorer's robot begin to move, and what does an idle page cost?
 
     python benchmarks/explorer_latency.py [--clicks 20] [--memory half/0]
 
-A real `creative-nao explore` and a headless Chromium that draws in software, on the machine as it is. A click is a
-pointer event on the map; it is answered in the frame in which the robot has another movement: the server has made the
-movement, scored and told it, and the browser has it. Beside each click, in turn with it, stands an empty round trip:
-the pointer passes over the map and the line below tells what lies there, over the same socket and into the same frames,
-but no movement is made and nothing else drawn. The ratio of the two says more than the milliseconds do, which are those
-of this machine and of what else runs on it. Two clicks and passes before count for nothing.
+A real `creative-nao explore`, the file of `explore --html`, and a headless Chromium that draws in software, on the
+machine as it is. A click is a pointer event on the map; it is answered in the frame in which the robot has another
+movement. A hover is answered when the card stands there. The processor's time is that of all processes of the browser:
+while the robot moves in a loop, and at rest, when it is paused. Two clicks before count for nothing.
 """
 
 import argparse
+import os
 import shutil
+import socket
+import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
-from explorer_tabs import end, serve  # the script beside this one
 from playwright.sync_api import sync_playwright
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome") or shutil.which("chromium-browser")
 FLAGS = ["--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-N_WARM, PAUSE_MS = 2, 250
+N_WARM, PAUSE_MS, IDLE_S = 2, 250, 10
 TIMED = """([x, y, kind]) => new Promise((done) => {
-    const [map, robot] = [document.elementFromPoint(x, y), [...window.robotPlayer.robots][0]];
-    const told = () => kind === "pointerdown" ? robot.movement : document.querySelector(".cn-hover").textContent;
+    const stage = explorer.panels[0].stage;
+    const like = document.querySelector("#card-like");
+    if (kind === "pointermove") like.textContent = "";
+    const told = () => kind === "pointerdown" ? stage.movement : like.textContent;
     const before = told();
     const start = performance.now();
     const buttons = kind === "pointerdown" ? 1 : 0;
-    map.dispatchEvent(new PointerEvent(kind, {clientX: x, clientY: y, buttons, bubbles: true, pointerId: 1}));
+    const map = document.querySelector("#map");
+    const event = (name) => new PointerEvent(name, { clientX: x, clientY: y, buttons, bubbles: true, pointerId: 1 });
+    map.dispatchEvent(event(kind));
+    if (buttons) map.dispatchEvent(event("pointerup"));
     const look = () => told() !== before ? done(performance.now() - start) : requestAnimationFrame(look);
-    look();
+    requestAnimationFrame(look);
 })"""
 
 
-def measure(url: str, n_clicks: int) -> np.ndarray:
-    """Return what each click and the pass of the pointer after it took [ms], shape (n_clicks, 2)."""
+def processor_s(browser_dir: Path) -> float:
+    """Return the processor's time of all processes whose command line names a folder [s]."""
+    total = 0
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            if str(browser_dir).encode() in (folder / "cmdline").read_bytes():
+                fields = (folder / "stat").read_text().rpartition(")")[2].split()
+                total += int(fields[11]) + int(fields[12])
+        except OSError:
+            continue
+    return total / os.sysconf("SC_CLK_TCK")
+
+
+def measure(running, url: str, n_clicks: int) -> tuple[np.ndarray, float, float]:
+    """Return what clicks and hovers took [ms], shape (n_clicks, 2), and the share of a core moving and at rest."""
     rng = np.random.default_rng(0)
-    with sync_playwright() as running:
-        browser = running.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        page = browser.new_page(viewport={"width": 1280, "height": 1000})
+    with tempfile.TemporaryDirectory() as folder:
+        context = running.chromium.launch_persistent_context(
+            folder, executable_path=CHROMIUM, args=FLAGS, viewport={"width": 1280, "height": 720}
+        )
+        page = context.pages[0]
         page.set_default_timeout(300_000)  # drawn in software on a busy machine, the first frame takes its time
         page.goto(url)
-        page.wait_for_function("[...(window.robotPlayer?.robots ?? [])][0]?.movement")
-        box = page.locator(".cn-map").bounding_box()
+        page.wait_for_function("() => globalThis.explorer?.panels[0]?.stage?.movement")
+        page.wait_for_timeout(2000)
+        box = page.locator("#map").bounding_box()
         took = []
         for share in rng.uniform(0.1, 0.9, (n_clicks + N_WARM, 2, 2)):
             for kind, (x, y) in zip(("pointerdown", "pointermove"), share, strict=True):
                 place = [box["x"] + x * box["width"], box["y"] + y * box["height"]]
                 took.append(page.evaluate(TIMED, [*place, kind]))
                 page.wait_for_timeout(PAUSE_MS)
-        browser.close()
-    return np.array(took).reshape(-1, 2)[N_WARM:]
+        page.mouse.move(2, 2)
+        shares = []
+        for act in ("play", "pause"):
+            page.evaluate(f"() => explorer.player.{act}()")
+            page.wait_for_timeout(1000)
+            before = processor_s(Path(folder))
+            time.sleep(IDLE_S)
+            shares.append((processor_s(Path(folder)) - before) / IDLE_S)
+        context.close()
+    return np.array(took).reshape(-1, 2)[N_WARM:], *shares
+
+
+def serve(folder: Path, memory: str) -> tuple[subprocess.Popen, str]:
+    """Start the explorer on a free port and wait until it answers."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-m", "creative_nao", "explore", memory, "--no-open", "--port", str(port)]
+    command += ["--session", str(folder / "session.json"), "--resolution", "60"]
+    process = subprocess.Popen(command, env={**os.environ, "CREATIVE_NAO_CACHE": str(folder)}, stdout=sys.stderr)
+    for _ in range(600):
+        try:
+            socket.create_connection(("127.0.0.1", port), timeout=5).close()
+            return process, f"http://127.0.0.1:{port}/"
+        except OSError:
+            time.sleep(0.2)
+    raise SystemExit("the explorer does not answer")
 
 
 def main() -> int:
@@ -62,20 +109,25 @@ def main() -> int:
     options = parser.parse_args()
     if CHROMIUM is None:
         raise SystemExit("no Chromium; install your distribution's package `chromium`")
-    with tempfile.TemporaryDirectory() as folder:
-        process, url = serve(Path(folder), options.memory)
+    print("| page | click to motion (ms) | quartiles (ms) | hover to card (ms) | a core, moving | at rest |")
+    print("| --- | ---: | --- | ---: | ---: | ---: |")
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as running:
+        alone = Path(folder) / "alone.html"
+        command = [sys.executable, "-m", "creative_nao", "explore", options.memory, "--html", str(alone)]
+        subprocess.run([*command, "--resolution", "60"], check=True, stdout=sys.stderr)
+        process, served = serve(Path(folder), options.memory)
         try:
-            took = measure(url, options.clicks)
+            for name, url in (("served", served), ("file", alone.as_uri())):
+                took, moving, rest = measure(running, url, options.clicks)
+                low, middle, high = np.percentile(took[:, 0], (25, 50, 75))
+                hover = np.median(took[:, 1])
+                print(
+                    f"| {name} | {middle:.0f} | {low:.0f} to {high:.0f} | {hover:.0f} | {moving:.0%} | {rest:.0%} |",
+                    flush=True,
+                )
         finally:
-            end(process)
-    print(
-        f"| {options.clicks} of each | lower quartile (ms) | median (ms) | upper quartile (ms) |\n| --- |"
-        + " ---: |" * 3
-    )
-    for name, column in zip(("click to movement", "empty round trip"), took.T, strict=True):
-        print(f"| {name} | " + " | ".join(f"{one:.0f}" for one in np.percentile(column, (25, 50, 75))) + " |")
-    low, middle, high = np.percentile(took[:, 0] / took[:, 1], (25, 50, 75))
-    print(f"\na click takes {middle:.2f} times as long as the round trip beside it (quartiles {low:.2f} to {high:.2f})")
+            process.terminate()
+            process.wait(timeout=60)
     return 0
 
 

@@ -91,7 +91,19 @@ def _numba_cache() -> dict[str, Any]:
     asked = os.environ.get("NUMBA_CACHE_DIR")
     folders = [Path(asked)] if asked else [beside, home]
     usable = [folder for folder in folders if _writable(folder)]
-    return {"folder": str((usable or folders)[0]), "writable": bool(usable)}
+    folder = (usable or folders)[0]
+    return {"folder": str(folder), "writable": bool(usable), "shared": _others_write(folder)}
+
+
+def _others_write(folder: Path) -> bool:
+    """Tell whether other users may write there, or own it: numba's cache is pickles, which run what they hold."""
+    here = next((place for place in (folder, *folder.parents) if place.exists()), folder)
+    try:
+        found = here.stat()
+    except OSError:
+        return False
+    foreign = os.name == "posix" and found.st_uid not in (os.getuid(), 0)
+    return foreign or (os.name == "posix" and bool(found.st_mode & 0o022))
 
 
 def _writable(folder: Path) -> bool:
@@ -125,6 +137,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
     rows["rendering: software"] = f"{used} (MUJOCO_GL={found['mujoco_gl'] or 'not set'})"
     rows["MP4 films"] = "yes" if found["video"] else "no: pip install imageio-ffmpeg (GIF needs nothing)"
     advice = "" if cache["writable"] else ", cannot be written: every process compiles anew; set NUMBA_CACHE_DIR"
-    rows["numba cache"] = f"{cache['folder']}{advice}"
+    shared = "; compiled code is loaded from there: nobody else may write to it" if cache["shared"] else ""
+    rows["numba cache"] = f"{cache['folder']}{advice}{shared}"
     rows["torch threads"] = found["torch_threads"] or "torch is missing"
     return [f"{name:<20} {value}" for name, value in rows.items()]

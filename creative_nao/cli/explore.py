@@ -58,30 +58,34 @@ def run(settings: ExploreSettings) -> int:
         )
     memories = [load_memory(name) for name in settings.memories]
     try:
-        from creative_nao.explorer.server import AppState, claim_port, serve
+        from creative_nao.explorer.server import Explorer, claim_port, serve
     except MissingDependencyError:  # of the robot, and it says so better
         raise
     except ImportError as error:
-        raise MissingDependencyError(f"the explorer needs {error.name or 'NiceGUI'}: {INSTALL}") from error
+        raise MissingDependencyError(f"the explorer needs {error.name or 'starlette'}: {INSTALL}") from error
     if settings.html is not None:
         return _write_page(settings, settings.html)
-    from creative_nao.explorer.physics_service import PhysicsService
-    from creative_nao.explorer.registry import MemoryRegistry, load_physical
-    from creative_nao.explorer.state import Session, default_path
+    from creative_nao.explorer.favourites import Session, default_path
+    from creative_nao.explorer.registry import MemoryRegistry, check_shown, load_physical
 
+    for memory in memories:
+        check_shown(memory)
     physical = load_physical(settings.physical, memories)
     claim_port(settings.host, settings.port)
-    agent_points = None if settings.run is None else choices(settings.run)
-    session = Session(settings.session or default_path())
-    app_state = AppState(
-        MemoryRegistry(memories, settings.resolution, physical), PhysicsService(), session, agent_points
+    explorer = Explorer(
+        lambda: MemoryRegistry(memories, settings.resolution, physical),
+        Session(settings.session or default_path()),
+        None if settings.run is None else choices(settings.run),
     )
     memories_shown = printable(" beside ".join(settings.memories))
     print(f"{memories_shown} is at http://{settings.host}:{settings.port}/  (Ctrl-C ends)")
     if settings.host not in ("127.0.0.1", "localhost", "::1"):
         print("warning: other machines can reach this page, and it asks nobody for a password", file=sys.stderr)
     sys.stdout.flush()
-    serve(app_state, host=settings.host, port=settings.port, show=settings.open, allowed=settings.allow_host)
+    serve(
+        explorer, host=settings.host, port=settings.port, show=settings.open, allowed=settings.allow_host,
+        told=lambda line: print(line, flush=True),
+    )  # fmt: skip
     return 0
 
 

@@ -6,5 +6,5 @@ docs/architecture.md follows a click through its files. Only what stands on the 
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__, submod_attrs={"memory_service": ["MemoryService", "Recall"], "registry": ["cached_map"]}
+    __name__, submod_attrs={"registry": ["cached_map"], "static_export": ["write_page"]}
 )

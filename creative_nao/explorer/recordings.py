@@ -9,18 +9,19 @@ import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError
-from creative_nao.exchange import FORMATS, Motion, Recording, read_content, write
+from creative_nao.errors import CreativeNaoError, FileFormatError, NotFoundError, SettingsError
+from creative_nao.exchange import FORMATS, WRITABLE, Motion, Reading, Recording, read_content, write
 from creative_nao.joints import JOINTS
 from creative_nao.runtime import python_command
 
 if TYPE_CHECKING:  # reading an upload needs no network
-    from creative_nao.explorer.memory_service import MemoryService, Recall
+    from creative_nao.model import Memory
 
 MAX_UPLOAD_BYTES = 2_000_000
 MAX_TICKS = 2000
@@ -57,16 +58,15 @@ def _read(name: str, content: bytes, dt_s: float) -> dict[str, Any]:
     ending = PurePath(name).suffix.lower()
     known = any(ending in exchange_format.endings for exchange_format in FORMATS.values())
     source = Path(name if known else f"{name}.csv")
-    recordings = read_content(source, content, dt_s, JOINTS, beyond="refuse")
+    recordings = read_content(source, content, dt_s, JOINTS, reading=Reading(fill="guard"), beyond="refuse")
     n_ticks = len(recordings[0].motion.angles)
-    if len(recordings) > 1:
-        raise FileFormatError(f"{source}: holds {len(recordings)} movements, expected one")
     if not 2 <= n_ticks <= MAX_TICKS:
         raise FileFormatError(
             f"{source}: a recording should have 2 to {MAX_TICKS} ticks of {dt_s} s, but has {n_ticks}"
         )
     found = recordings[0]
-    return {"angles": found.motion.angles.tolist(), "format": found.format, "notes": list(found.notes)}
+    several = [f"the file holds {len(recordings)} movements, this is the first"] if len(recordings) > 1 else []
+    return {"angles": found.motion.angles.tolist(), "format": found.format, "notes": [*several, *found.notes]}
 
 
 def _limit() -> None:
@@ -92,14 +92,18 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def export(recall: Recall, service: MemoryService, format_name: str) -> tuple[str, bytes, tuple[str, ...]]:
-    """Return file name, content and changes of a movement in one of the exchange formats.
+def export(
+    memory: Memory, points: Sequence[Sequence[float]], trajectory: np.ndarray, format_name: str
+) -> tuple[str, bytes, tuple[str, ...]]:
+    """Return file name, content and changes of a movement in one of the exchange formats; NotFoundError of another.
 
     A movement too fast or too wide is clipped and slowed down for formats that a robot plays, and kept otherwise.
     """
+    if format_name not in WRITABLE:
+        raise NotFoundError(f"no format `{format_name:.40}`; there are {', '.join(WRITABLE)}")
     chosen = FORMATS[format_name]
-    metadata = {"memory": service.memory.name, "pb": recall.points.tolist()}
-    motion = Motion(recall.trajectory, service.memory.dt_s, JOINTS, metadata if chosen.holds_metadata else {})
+    metadata = {"memory": memory.name, "pb": [list(point) for point in points]}
+    motion = Motion(trajectory, memory.dt_s, JOINTS, metadata if chosen.holds_metadata else {})
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"movement{chosen.endings[0]}"
         written = write(path, motion, format_name, unsafe="clip" if chosen.for_robots else "keep")

@@ -7,20 +7,70 @@ import dataclasses
 import hashlib
 import os
 import threading
+import zlib
+from base64 import b64encode
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from creative_nao import __version__, maps, storage
-from creative_nao.envs.physical_map import PhysicalMap, fingerprint
-from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, nearest_name
-from creative_nao.explorer.colours import is_number, is_physical, needs_movements
-from creative_nao.explorer.memory_service import MemoryService
-from creative_nao.explorer.view import View
-from creative_nao.maps import PAPER_RESOLUTION, PBMap, colour_values
-from creative_nao.measures import OUTCOMES, score, unexpectedness
+from creative_nao.envs.physical_map import FIGURES, PhysicalMap, fingerprint
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError, nearest_name
+from creative_nao.joints import JOINTS, LIMITS_RAD
+from creative_nao.maps import COLOURINGS, PAPER_RESOLUTION, PBMap, colour_values
+from creative_nao.maps.picture import HALF_DISTANCE, NEAREST, measure_span
+from creative_nao.measures import OUTCOMES, Criteria, excursion_limit, score, speed_limits, unexpectedness
+from creative_nao.measures.outcome import ALL_OUTCOMES
 from creative_nao.model import Memory, load_memory, shipped_memories
+
+OUTCOME, PHYSICAL = "outcome", "physical"
+_PHYSICAL_FIGURES = {f"{PHYSICAL}_{name}": name for name in FIGURES if name != "fell"}
+COLOURS: dict[str, str] = {
+    NEAREST: "nearest action",
+    OUTCOME: "new, taught or unusable",
+    **{name: colouring.label for name, colouring in COLOURINGS.items()},
+    PHYSICAL: "on the robot: what happens",
+    **{key: f"on the robot: {FIGURES[name]}" for key, name in _PHYSICAL_FIGURES.items()},
+}
+"""Every colouring as the page calls it. The physical ones need a physical map of the memory."""
+SMALLEST_VIEW = 0.002
+"""Width of the narrowest window of the PB space: a thousand times nearer than the whole map."""
+
+
+@dataclasses.dataclass(frozen=True)
+class View:
+    """A square of the PB space: the lowest values of the first and the second PB unit, and the length of its sides.
+
+    SettingsError unless it lies in [-1, 1] and is at least `SMALLEST_VIEW` wide.
+    """
+
+    left: float
+    bottom: float
+    width: float
+
+    def __post_init__(self) -> None:
+        inside = all(-1 <= low <= 1 - self.width + 1e-9 for low in (self.left, self.bottom))
+        if not (inside and SMALLEST_VIEW <= self.width <= 2):
+            raise SettingsError(f"a window should be {SMALLEST_VIEW} to 2 wide and lie in [-1, 1], but is {self}")
+
+    def grid(self, n: int) -> np.ndarray:
+        """Return the middles of `n` x `n` cells, shape (n^2, 2), in the order of `maps.pb_grid`."""
+        steps = (np.arange(n) + 0.5) * (self.width / n)
+        first, second = np.meshgrid(self.left + steps, self.bottom + steps, indexing="xy")
+        return np.clip(np.stack([first, second], axis=-1).reshape(-1, 2), -1.0, 1.0)
+
+
+def needs_movements(colour: str) -> bool:
+    """Tell whether a colouring is worked out from the movements themselves."""
+    return colour in COLOURINGS and COLOURINGS[colour].needs_trajectories
+
+
+def spoken(name: str) -> str:
+    """Return the name of a basic action as it is read aloud: `left_jab` is left jab."""
+    return name.replace("_", " ")
+
 
 CACHE_VARIABLE = "CREATIVE_NAO_CACHE"  # environment variable that names another cache folder
 
@@ -102,23 +152,16 @@ def measured(memory: Memory, pb_map: PBMap, colour: str, whole: PBMap, work: Com
     return values
 
 
-LEVELS = (50, 200)
-"""Cells along each side of the window, one after the other: the first is there at once, the last as fine as the map."""
+MAX_FINER = 200
+"""Cells along each side of a window: as fine as the map."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class FinerMap:
-    """The scored cells of a window, without movements, and their numbers by colouring."""
+def finer_cells(
+    memory: Memory, whole: PBMap, view: View, n: int, colour: str, work: Computation
+) -> dict[str, Any] | None:
+    """Generate and score `n` x `n` cells of a window, `whole` being the memory's map, as `cells_json` returns them.
 
-    view: View
-    pb_map: PBMap
-    values: dict[str, np.ndarray]
-
-
-def finer_map(memory: Memory, whole: PBMap, view: View, n: int, colour: str, work: Computation) -> FinerMap | None:
-    """Generate and score `n` x `n` cells of a window within [-1, 1], `whole` being the memory's map; None if cancelled.
-
-    The number of `colour` is worked out from the same movements.
+    The number of `colour` is worked out from the same movements. None if cancelled.
     """
     pb = view.grid(n)
     kept = np.empty((n * n, memory.n_steps, len(memory.joints))) if needs_movements(colour) else None
@@ -132,18 +175,103 @@ def finer_map(memory: Memory, whole: PBMap, view: View, n: int, colour: str, wor
             kept[rows] = generated
     if work.cancelled:
         return None
-    settings = {"memory": memory.name, "resolution": n, "view": [view.left, view.bottom, view.width]}
-    cells = PBMap(
-        n, pb, outcome, nearest, distance, whole.learned_pb, whole.names, {"settings": settings}, kept, memory.dt_s
-    )
-    values = {}
-    if is_number(colour) and not is_physical(colour):
-        number = measured(memory, cells, colour, whole, work)
-        if number is None:
-            return None
-        values[colour] = number
-    work.share = 1.0
-    return FinerMap(view, dataclasses.replace(cells, trajectories=None), values)
+    record = {"settings": {"memory": memory.name, "resolution": n}}
+    cells = PBMap(n, pb, outcome, nearest, distance, whole.learned_pb, whole.names, record, kept, memory.dt_s)
+    values = measured(memory, cells, colour, whole, work) if colour in COLOURINGS else None
+    return cells_json(cells, {} if values is None else {colour: values}, view)
+
+
+def cells_json(pb_map: PBMap, values: Mapping[str, np.ndarray], view: View | None = None) -> dict[str, Any]:
+    """Return scored cells as the page takes them; JSON values.
+
+    `n` cells along each side of the square from `left` and `bottom` on, `width` wide; a byte a cell, row 0 at the
+    lowest PB 2, deflated, of `outcome` (place in `ALL_OUTCOMES`), `nearest` and `similarity` to it (255 is equal); of
+    each of the `values` its byte `plane`, 0 at `low` and 255 at `high`.
+    """
+    n = pb_map.resolution
+    half_cell = 1 / (n - 1) if view is None else 0.0
+    square = {"left": -1 - half_cell, "bottom": -1 - half_cell, "width": 2 + 2 * half_cell}
+    if view is not None:
+        square = dataclasses.asdict(view)
+    codes = {name: code for code, name in enumerate(ALL_OUTCOMES)}
+    return {
+        "n": n, **square,
+        "outcome": _plane(np.array([codes[str(name)] for name in pb_map.outcome])),
+        "nearest": _plane(np.minimum(pb_map.nearest, 255)),
+        "similarity": _plane(np.round(255 * 2.0 ** (-pb_map.distance / HALF_DISTANCE))),
+        "values": {name: _number(pb_map, numbers) for name, numbers in values.items()},
+    }  # fmt: skip
+
+
+def _number(pb_map: PBMap, values: np.ndarray) -> dict[str, Any]:
+    low, high = measure_span(pb_map, values)
+    share = (values - low) / (high - low) if high > low else np.zeros(len(values))
+    return {"plane": _plane(np.round(255 * np.clip(share, 0, 1))), "low": low, "high": high}
+
+
+def _plane(values: np.ndarray) -> str:
+    return _text(zlib.compress(np.asarray(values).astype(np.uint8).tobytes(), 9))
+
+
+def _text(content: bytes) -> str:
+    return b64encode(content).decode()
+
+
+def _packed(array: np.ndarray) -> str:
+    return _text(np.ascontiguousarray(array, dtype="<f4").tobytes())
+
+
+def memory_json(memory: Memory) -> dict[str, Any]:
+    """Return what the page needs of a memory: weights, code, basic actions and thresholds; JSON values."""
+    network, first = memory.network, memory.demonstrations.initial_posture
+    rates = 1 / np.repeat(np.array(network.time_constants, np.float32), network.layer_sizes)
+    return {
+        "name": memory.name,
+        "names": [spoken(name) for name in memory.demonstrations.names],
+        "joints": list(memory.joints),
+        "dt": memory.dt_s,
+        "nSteps": memory.n_steps,
+        "nUnits": network.n_softmax_units,
+        "nFast": network.layer_sizes[0],
+        "pb": memory.pb.tolist(),
+        "demonstrations": [trajectory.tolist() for trajectory in memory.demonstrations.trajectories],
+        "weights": {name: _packed(array) for name, array in memory.parameters.items() if name != "rho"},
+        "references": _packed(memory.encoding.references),
+        "rate": _packed(rates),
+        "firstPosture": np.asarray(first).tolist(),
+        "firstCode": _packed(memory.encoding.encode(first)),
+        "limits": [list(LIMITS_RAD[joint]) for joint in memory.joints],
+        "speedLimit": speed_limits(memory.demonstrations).tolist(),
+        "travelLimit": excursion_limit(memory.demonstrations),
+        "learnedThreshold": Criteria().learned_threshold,
+    }
+
+
+def check_shown(memory: Memory) -> Memory:
+    """Return a memory that the page can show; SettingsError if it has other than the eight arm joints or two PB."""
+    if memory.network.n_pb != 2:
+        raise SettingsError(f"the explorer shows memories with n_pb = 2, but {memory.name} has {memory.network.n_pb}")
+    if memory.joints != JOINTS:
+        raise SettingsError(
+            f"the explorer shows memories of the eight arm joints {', '.join(JOINTS)}, "
+            f"but {memory.name} has {', '.join(memory.joints)}"
+        )
+    return memory
+
+
+MAX_POINTS = 200
+
+
+def movement(memory: Memory, points: np.ndarray) -> np.ndarray:
+    """Generate the movement at a PB point or along several, shape (n_steps, 8) [rad].
+
+    ShapeError unless the points are (n, 2) in [-1, 1], at most `MAX_POINTS`.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    fits = points.ndim == 2 and points.shape[1] == 2 and 0 < len(points) <= MAX_POINTS
+    if not fits or not (np.abs(points) <= 1).all():
+        raise ShapeError(f"`points` should have shape (n, 2) and lie in [-1, 1], but has {points.shape}")
+    return memory.generate(points)[0] if len(points) == 1 else memory.generate_path(points)
 
 
 def load_physical(files: Iterable[Path], memories: Iterable[Memory]) -> dict[str, PhysicalMap]:
@@ -176,8 +304,8 @@ class LoadedMemory:
     """One memory, its content hash as key, and what was computed of it, shared by all tabs that show it."""
 
     def __init__(self, memory: Memory, resolution: int = PAPER_RESOLUTION, physical: PhysicalMap | None = None) -> None:
-        self.name, self.key, self.physical = memory.name, content_hash(memory), physical
-        self.service = MemoryService(memory)
+        self.memory, self.key, self.physical = check_shown(memory), content_hash(memory), physical
+        self.name = memory.name
         self.finished = threading.Event()  # set when `pb_map`, the best map so far, is the fine one
         self._resolution = resolution
         self._numbers: dict[tuple[str, int], np.ndarray] = {}
@@ -191,33 +319,54 @@ class LoadedMemory:
     def start(self) -> None:
         """Compute the fine map in a thread, unless it is there."""
         if not self.finished.is_set():
-            threading.Thread(target=self._compute, name="fine map", daemon=True).start()
+            threading.Thread(target=self.compute, name="fine map", daemon=True).start()
 
-    def _compute(self) -> None:
-        self.pb_map = _without_movements(cached_map(self.service.memory, self._resolution))
+    def compute(self) -> None:
+        """Compute the fine map."""
+        self.pb_map = _without_movements(cached_map(self.memory, self._resolution))
         self.finished.set()
 
-    def known(self, pb_map: PBMap, colour: str) -> np.ndarray | None:
-        """Return the numbers of a map of the whole PB space, shape (n,), if they were worked out before."""
-        return self._numbers.get((colour, pb_map.resolution))
-
-    def numbers(self, pb_map: PBMap, colour: str, work: Computation) -> np.ndarray | None:
-        """Return these numbers, worked out once for all tabs; None if cancelled."""
+    def numbers(self, pb_map: PBMap, colour: str) -> dict[str, np.ndarray]:
+        """Return the numbers of a colouring of the whole map by its name, worked out once; none if it is no number."""
+        if colour not in COLOURINGS:
+            return {}
         with self._lock:
-            values = self.known(pb_map, colour)
-            if values is None and not work.cancelled:
-                values = measured(self.service.memory, pb_map, colour, pb_map, work)
-                if values is not None:
-                    self._numbers[colour, pb_map.resolution] = values
-            return values
+            key = colour, pb_map.resolution
+            if key not in self._numbers:
+                values = measured(self.memory, pb_map, colour, pb_map, Computation())
+                assert values is not None  # only a cancelled computation gives none
+                self._numbers[key] = values
+            return {colour: self._numbers[key]}
+
+    def cells(self, colour: str = NEAREST) -> dict[str, Any]:
+        """Return the whole map as `cells_json` does, with the numbers of a colouring; of the robot if it is physical.
+
+        NotFoundError if there is no such colouring, or no physical map.
+        """
+        if colour not in COLOURS:
+            raise NotFoundError(
+                f"no colouring `{colour}`{nearest_name(colour, COLOURS)}; there are {', '.join(COLOURS)}"
+            )
+        if not colour.startswith(PHYSICAL):
+            pb_map = self.pb_map  # a finer one may take its place
+            return cells_json(pb_map, self.numbers(pb_map, colour))
+        if self.physical is None:
+            raise NotFoundError(f"no physical map of {self.name} was given; start with --physical FILE")
+        figure = _PHYSICAL_FIGURES.get(colour)
+        values = {} if figure is None else {colour: self.physical.figures[figure].astype(np.float64)}
+        return cells_json(self.physical, values)
+
+    def page_json(self) -> dict[str, Any]:
+        """Return all that the page needs to show the memory."""
+        return {
+            "memory": memory_json(self.memory), "key": self.key, "fine": self.finished.is_set(), "cells": self.cells(),
+            "colours": {name: text for name, text in COLOURS.items() if self.physical or not name.startswith(PHYSICAL)},
+        }  # fmt: skip
 
 
 def _without_movements(pb_map: PBMap) -> PBMap:
     """Return a map without its movements: 128 MB of a fine one, and the memory makes them again when needed."""
     return dataclasses.replace(pb_map, trajectories=None, dt_s=None)
-
-
-NONE = "none"  # what an address says when there shall be no second memory
 
 
 class MemoryRegistry:

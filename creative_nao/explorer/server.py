@@ -1,227 +1,51 @@
-"""Serving the explorer on this machine: who may ask, few page builds at a time, and what ends with a tab."""
+"""Serving the explorer on this machine: who may ask, and what the page asks for. A tab leaves nothing here.
+
+The page works out itself what a movement is and what it is worth; it asks for memories with their maps, finer cells,
+performances in physics, recordings that are read, favourites, agents that play, and memories that are trained.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import ipaddress
+import json
+import shutil
 import socket
-from collections.abc import Iterable
-from contextlib import AsyncExitStack
-from urllib.parse import urlsplit
+import tempfile
+import threading
+import time
+import webbrowser
+from base64 import b64encode
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from typing import Annotated, Any
 
-from nicegui import app, run, ui
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+import anyio.to_thread
+import numpy as np
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp
 
-from creative_nao.errors import SettingsError
-from creative_nao.explorer.page import build_page
-from creative_nao.explorer.state import page_address
-from creative_nao.explorer.tab import AppState, Tab
-from creative_nao.explorer.teach_page import TeachTab
-from creative_nao.explorer.teach_training import TrainingSessions
+from creative_nao.demonstrations import save_demonstrations
+from creative_nao.errors import CreativeNaoError, NotFoundError, SettingsError
+from creative_nao.exchange import FORMATS, WRITABLE
+from creative_nao.explorer.favourites import Favourite, Session
+from creative_nao.explorer.gate import Gate
+from creative_nao.explorer.keyframes import KeyframeSet, Rows, boxing, ranges
+from creative_nao.explorer.live_agents import agents_for, tries
+from creative_nao.explorer.recordings import MAX_TICKS, export, read_upload
+from creative_nao.explorer.registry import Computation, LoadedMemory, MemoryRegistry, View, finer_cells, movement
+from creative_nao.explorer.robot_service import RobotService
+from creative_nao.explorer.training import Trainer, TrainingSessions
+from creative_nao.joints import JOINTS, N_JOINTS
+from creative_nao.model import TrainingSettings
+from creative_nao.schema import Field, Text, dump, parse, record
 
-AT_ONCE = 2  # one page that waits for a second memory to be loaded shall not keep all others waiting
-
-
-class ConcurrencyLimit:
-    """ASGI middleware that limits concurrent page builds, in the order in which the requests came.
-
-    Building a page takes 0.1 s in which nothing else is answered. Pages let in together finish together, the first as
-    late as the last, and may outlive the minute that a page is kept for its socket. A page's turn ends when its answer
-    begins, so a reader who takes the answer slowly keeps nobody waiting.
-    """
-
-    def __init__(self, app: ASGIApp, paths: tuple[str, ...]) -> None:
-        self._app, self._paths = app, paths
-        self._places = asyncio.Semaphore(AT_ONCE)
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Hand a request on, a page's when its turn has come."""
-        if scope["type"] != "http" or scope["path"] not in self._paths:
-            await self._app(scope, receive, send)
-            return
-        async with AsyncExitStack() as turn:
-            await turn.enter_async_context(self._places)
-
-            async def answering(message: Message) -> None:
-                await turn.aclose()  # at the first message; later there is nothing left to close
-                await send(message)
-
-            await self._app(scope, receive, answering)
-
-
-LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
-EVERY_ADDRESS = ("0.0.0.0", "::", "")  # noqa: S104 - what `--host` may say, not what we bind to by ourselves
-MAX_BODY_BYTES = 4_000_000
-POLICY = (
-    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
-    "img-src 'self' data:; connect-src 'self'; object-src 'none'; base-uri 'self'; form-action 'self'; "
-    "frame-ancestors 'none'"
-)
-HEADERS = (
-    (b"content-security-policy", POLICY.encode()),
-    (b"x-content-type-options", b"nosniff"),
-    (b"referrer-policy", b"no-referrer"),
-    (b"cross-origin-resource-policy", b"same-origin"),
-)
-
-
-def is_welcome(headers: Iterable[tuple[bytes, bytes]], hosts: Iterable[str], addresses: bool = False) -> bool:
-    """Tell whether a request names one of our `hosts` and comes from a page of ours, or from no page at all.
-
-    A foreign Host is a name that somebody pointed at this machine (DNS rebinding); a number is no name, so with
-    `addresses` any is taken. A foreign Origin, or a request that the browser says another site has made, is another
-    site's page asking here; only a link that the user follows may come from one.
-    """
-    values = {key.decode("latin-1").lower(): value.decode("latin-1") for key, value in headers}
-    host, origin = values.get("host", ""), values.get("origin")
-    try:
-        name = "" if "@" in host else urlsplit(f"//{host}").hostname or ""
-        ours = name in hosts or (addresses and _is_address(name))
-        if not ours or (origin is not None and urlsplit(origin).netloc.lower() != host.lower()):
-            return False
-    except ValueError:
-        return False
-    followed = values.get("sec-fetch-mode") == "navigate" and values.get("sec-fetch-dest") == "document"
-    return values.get("sec-fetch-site", "none") in ("none", "same-origin") or (followed and origin is None)
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
-
-
-class Gate:
-    """ASGI middleware: 403 for what `is_welcome` refuses, 413 for too large a body, our headers on every answer."""
-
-    def __init__(self, app: ASGIApp, host: str = LOCAL_HOSTS[0], allowed: tuple[str, ...] = ()) -> None:
-        self._app, self._addresses = app, host in EVERY_ADDRESS
-        self._hosts = frozenset(name.lower() for name in (*LOCAL_HOSTS, *allowed, host) if name not in EVERY_ADDRESS)
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or hand on."""
-        if scope["type"] not in ("http", "websocket"):
-            await self._app(scope, receive, send)
-        elif not is_welcome(scope["headers"], self._hosts, self._addresses):
-            if scope["type"] == "websocket":
-                await send({"type": "websocket.close", "code": 1008})
-            else:
-                await _refuse(send, 403, b"This page answers only to its own host and its own pages.")
-        elif scope["type"] == "websocket":
-            await self._app(scope, receive, send)
-        else:
-            await self._answer(scope, receive, send)
-
-    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
-        told = dict(scope["headers"]).get(b"content-length", b"0")
-        if not told.isdigit() or int(told) > MAX_BODY_BYTES:
-            await _refuse(send, 413, TOO_LARGE)
-            return
-        n_bytes, begun = 0, False
-
-        async def counted() -> Message:
-            nonlocal n_bytes
-            message = await receive()
-            n_bytes += len(message.get("body", b""))
-            return message if n_bytes <= MAX_BODY_BYTES else {"type": "http.disconnect"}
-
-        async def headed(message: Message) -> None:
-            nonlocal begun
-            if message["type"] == "http.response.start":
-                message = {**message, "headers": [*message.get("headers", ()), *HEADERS]}
-            if begun or n_bytes <= MAX_BODY_BYTES:
-                begun = True
-                await send(message)
-
-        try:
-            await self._app(scope, counted, headed)
-        except Exception:
-            if n_bytes <= MAX_BODY_BYTES:  # else the application was told that the client is gone
-                raise
-        if n_bytes > MAX_BODY_BYTES and not begun:
-            await _refuse(send, 413, TOO_LARGE)
-
-
-TOO_LARGE = b"A request may have %d bytes." % MAX_BODY_BYTES
-
-
-async def _refuse(send: Send, status: int, reason: bytes) -> None:
-    headers = [(b"content-type", b"text/plain"), (b"connection", b"close"), *HEADERS]
-    await send({"type": "http.response.start", "status": status, "headers": headers})
-    await send({"type": "http.response.body", "body": reason})
-
-
-MAX_TABS = 200  # more are refused: each holds a page's worth of state
-
-
-class Tabs:
-    """The open tabs of one server."""
-
-    def __init__(self) -> None:
-        self._tabs: dict[str, Tab | TeachTab] = {}
-
-    def __len__(self) -> int:
-        return len(self._tabs)
-
-    def admits(self, tab: Tab | TeachTab) -> bool:
-        """Keep the tab being built until it goes, then close it; one too many is closed at once, with a message."""
-        if len(self._tabs) >= MAX_TABS:
-            tab.close()
-            ui.label(f"{MAX_TABS} tabs are open. Close some, wait a minute and reload this page.")
-            return False
-        client = ui.context.client
-        key = client.id
-        self._tabs[key] = tab
-        client.on_delete(lambda: self._release(key))
-        return True
-
-    def _release(self, key: str) -> None:
-        if (tab := self._tabs.pop(key, None)) is not None:
-            tab.close()
-
-
-RECONNECT_S = 30.0
-"""How long a tab that has gone quiet, such as a sleeping laptop's, is waited for before its memory is freed."""
-
-PAGES = ("/", "/teach")
-
-ANSWER_S = 60.0  # how long a page may take to be built: a second memory has to be loaded and its coarse map made
-
-
-def mount(started: AppState) -> Tabs:
-    """Register the page and return the register of its open tabs. Importing registers nothing."""
-    tabs, sessions = Tabs(), TrainingSessions()
-
-    @ui.page(PAGES[0], response_timeout=ANSWER_S)
-    async def page(
-        x: str = "0", y: str = "0", path: str = "", beside: str = "", view: str = "", colour: str = "", taught: str = ""
-    ) -> None:
-        trainer = sessions.hold(taught)
-        app_state = started if trainer is None or trainer.app_state is None else trainer.app_state
-        place = page_address(x, y, path, beside, view, colour)
-        second = place.beside or app_state.registry.beside
-        wanted = second in app_state.registry.names and second != app_state.registry.first.name
-        loaded = await run.io_bound(app_state.registry.get, second) if wanted else None
-        tab = Tab(app_state, place, loaded, lambda: sessions.release(taught))
-        if not tabs.admits(tab):
-            return
-        if taught and app_state is started:
-            ui.notify("The memory taught in the page is gone; this is the server's own.", type="warning")
-        build_page(tab)
-        ui.timer(0, tab.open, once=True)
-
-    @ui.page(PAGES[1], title="Teach the robot")
-    def teach(taught: str = "") -> None:
-        tab = TeachTab(started, sessions, taught)
-        if not tabs.admits(tab):
-            return
-        tab.build()
-        ui.timer(0, tab.open, once=True)
-
-    return tabs
+STATIC = Path(__file__).with_name("static")
+TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html"}
 
 
 def claim_port(host: str, port: int) -> None:
@@ -236,17 +60,324 @@ def claim_port(host: str, port: int) -> None:
         raise SettingsError(f"port {port} on {host} cannot be used: {reason}; choose another with --port") from error
 
 
-def serve(app_state: AppState, *, host: str, port: int, show: bool, allowed: tuple[str, ...] = ()) -> None:
+TAUGHT = "taught:"
+"""Begins the name of a memory that is taught in the page; the name of its trainer follows."""
+Angles = Annotated[
+    tuple[Annotated[tuple[float, ...], Field(min_length=N_JOINTS, max_length=N_JOINTS)], ...],
+    Field(min_length=1, max_length=MAX_TICKS),
+]
+Points = Annotated[tuple[tuple[float, float], ...], Field(min_length=1)]
+
+
+@record
+class MovementRequest:
+    """Joint angles [rad] at a tick [s]; for a film its ending, and whether the body performs it."""
+
+    dt: Annotated[float, Field(gt=0, le=1)]
+    angles: Angles
+    ending: Annotated[str, Field(pattern="gif|mp4")] = "gif"
+    physics: bool = False
+
+
+@record
+class ExportRequest:
+    """A movement of a memory in a format."""
+
+    memory: Text
+    points: Points
+    format: Text
+
+
+@record
+class TrainRequest:
+    """Demonstrations as rows of keyframes, and how a memory is trained on them; `taught` goes on with a trainer."""
+
+    drafts: Rows
+    ratio: Annotated[float, Field(ge=0, le=1)] = 0.5
+    epochs: Annotated[int, Field(ge=100, le=300_000)] = 30_000
+    seed: Annotated[int, Field(ge=0, le=999_999)] = 0
+    taught: Text = ""
+
+
+class Explorer:
+    """What all pages share; `load` gives the memories, and takes a while: pages wait, and say so."""
+
+    def __init__(self, load: Callable[[], MemoryRegistry], session: Session, dots: np.ndarray | None = None) -> None:
+        self.session, self.sessions = session, TrainingSessions()
+        self.dots = [] if dots is None else dots.tolist()
+        self._load, self._failure = load, ""
+        self._ready = threading.Event()
+        self.work = asyncio.Semaphore(2)  # what takes seconds, at a time: the page and its maps stay quick
+
+    def prepare(self, told: Callable[[str], object]) -> None:
+        """Load everything, and tell the terminal how it goes."""
+        start = time.monotonic()
+        slow = threading.Timer(4.0, told, ["compiling, once on this machine: about a minute"])
+        slow.daemon = True
+        slow.start()
+        try:
+            self.robot = RobotService()
+            self.registry = self._load()
+            self.registry.start()
+        except Exception as error:  # the page has to say so
+            self._failure = str(error)
+            raise
+        finally:
+            slow.cancel()
+            self._ready.set()
+        told(f"ready after {time.monotonic() - start:.1f} s")
+
+    def memory(self, name: str) -> LoadedMemory:
+        """Return a memory by the name that the page has for it; NotFoundError if there is none."""
+        if name.startswith(TAUGHT):
+            return self.sessions.get(name.removeprefix(TAUGHT)).loaded()
+        return self.registry.get(name)
+
+    def routes(self) -> list[Route]:
+        """Return what may be asked for."""
+        reads: dict[str, Callable[..., Any]] = {
+            "memory": self.get_memory, "robot": lambda _: self.robot.robot.description, "agent": self.get_agent,
+            "favourites": self.get_favourites, "keyframes": self.get_keyframes,
+        }  # fmt: skip
+        writes: dict[str, Callable[..., Any]] = {
+            "perform": self.perform, "film": self.film, "export": self.export, "read": self.read,
+            "favourites": self.keep, "keyframes": self.check_keyframes, "train": self.train, "csv": self.csv,
+        }  # fmt: skip
+        return [
+            Route("/", page), Route("/teach", page), Route("/static/{name}", static),
+            Route("/api/state", self.state), Route("/api/cells", self.cells),
+            Route("/api/taught/{name}", self.taught, methods=["GET", "POST"]),
+            *(Route(f"/api/{name}", self._answers(call)) for name, call in reads.items()),
+            *(Route(f"/api/{name}", self._answers(call), methods=["POST"]) for name, call in writes.items()),
+            Route("/api/favourites", self._answers(self.forget), methods=["DELETE"]),
+        ]  # fmt: skip
+
+    def _answers(self, call: Callable[..., Any]) -> Callable[[Request], Awaitable[Response]]:
+        """Answer by a function of the query and, if there is one, the body, called in a thread."""
+
+        async def answer(request: Request) -> Response:
+            query = dict(request.query_params)
+            body = await request.body()
+            slow = call in (self.perform, self.film, self.get_agent, self.read)
+            async with self.work if slow else contextlib.nullcontext():
+                return await _told(call, query, *([body] if request.method != "GET" else []))
+
+        return answer
+
+    async def state(self, _: Request) -> Response:
+        """Answer at once, also while all else waits."""
+        if not self._ready.is_set():
+            return JSONResponse({"ready": False})
+        if self._failure:
+            return JSONResponse({"error": self._failure}, 500)
+        registry = self.registry
+        return JSONResponse(
+            {
+                "ready": True, "first": registry.first.name, "names": list(registry.names), "beside": registry.beside,
+                "dots": self.dots, "agents": agents_for(registry.first.memory),
+                "formats": [[name, f"{name}: {FORMATS[name].purpose}"] for name in WRITABLE],
+            }
+        )  # fmt: skip
+
+    def get_memory(self, query: dict[str, str]) -> dict[str, Any]:
+        """Return all that the page needs of a memory."""
+        return self.memory(query.get("name", "")).page_json()
+
+    async def cells(self, request: Request) -> Response:
+        """Return the map in a colouring or, with a window, finer cells; a page that asks no more ends the work."""
+        query, work = dict(request.query_params), Computation()
+
+        def compute() -> dict[str, Any] | None:
+            loaded, colour = self.memory(query.get("name", "")), query.get("colour", "")
+            if "width" not in query:
+                return loaded.cells(colour)
+            try:
+                view = View(*(float(query.get(side, "")) for side in ("left", "bottom", "width")))
+                n = int(query.get("n", ""))
+            except ValueError as error:
+                raise SettingsError(f"a window is three numbers and its cells: {error}") from None
+            if not 2 <= n <= 200:
+                raise SettingsError(f"`n` should be from 2 to 200, but is {n}")
+            return finer_cells(loaded.memory, loaded.pb_map, view, n, colour, work)
+
+        async with self.work:
+            if await request.is_disconnected():
+                return Response(status_code=499)
+            answer = asyncio.create_task(_told(compute))
+            while not (await asyncio.wait([answer], timeout=0.1))[0]:
+                work.cancelled = work.cancelled or await request.is_disconnected()
+            return answer.result()
+
+    def perform(self, _: dict[str, str], body: bytes) -> dict[str, Any]:
+        """Perform a movement in physics."""
+        asked = parse(MovementRequest, body, "movement")
+        return self.robot.perform(np.array(asked.angles), asked.dt)
+
+    def film(self, _: dict[str, str], body: bytes) -> dict[str, Any]:
+        """Draw a movement."""
+        asked = parse(MovementRequest, body, "movement")
+        content = self.robot.film(np.array(asked.angles), asked.dt, asked.ending, asked.physics)
+        return {"name": f"movement.{asked.ending}", "content": b64encode(content).decode()}
+
+    def export(self, _: dict[str, str], body: bytes) -> dict[str, Any]:
+        """Write a movement of a memory in one of the exchange formats."""
+        asked = parse(ExportRequest, body, "export")
+        memory = self.memory(asked.memory).memory
+        trajectory = movement(memory, np.array(asked.points))
+        name, content, changes = export(memory, asked.points, trajectory, asked.format)
+        return {"name": name, "content": b64encode(content).decode(), "changes": list(changes)}
+
+    def read(self, query: dict[str, str], body: bytes) -> dict[str, Any]:
+        """Read a recording, and find the PB point of a memory that comes nearest, unless none is named."""
+        name = query.get("memory", "")
+        memory = self.memory(name).memory if name else None
+        recording = read_upload(
+            query.get("name", ""), body, self.registry.first.memory.dt_s if memory is None else memory.dt_s
+        )
+        told = {"angles": recording.motion.angles.tolist(), "dt": recording.motion.dt_s, "notes": list(recording.notes)}
+        if memory is None:
+            return told
+        found = memory.infer_pb(recording.motion.angles)
+        return told | {"pb": found.pb.tolist(), "error": float(found.error)}
+
+    def get_agent(self, query: dict[str, str]) -> dict[str, Any]:
+        """Let an agent play an episode."""
+        seed = query.get("seed", "0")
+        if not (seed.isdigit() and len(seed) < 7):
+            raise SettingsError(f"`seed` should be a whole number below a million, but is {seed!r:.40}")
+        return tries(self.memory(query.get("memory", "")).memory, query.get("name", ""), int(seed))
+
+    def get_favourites(self, query: dict[str, str]) -> list[dict[str, Any]]:
+        """Return the favourites of a memory, named by its content hash."""
+        return [dump(one) for one in self.session.favourites(query.get("key", ""))]
+
+    def keep(self, _: dict[str, str], body: bytes) -> dict[str, Any]:
+        """Keep a favourite."""
+        self.session.add(parse(Favourite, body, "favourite"))
+        return {}
+
+    def forget(self, _: dict[str, str], body: bytes) -> dict[str, Any]:
+        """Forget a favourite."""
+        self.session.remove(parse(Favourite, body, "favourite"))
+        return {}
+
+    def get_keyframes(self, _: dict[str, str]) -> dict[str, Any]:
+        """Return the boxing set to begin with, and the joints with their ranges."""
+        return {"drafts": json.loads(boxing().to_text()), "joints": list(JOINTS), "ranges": ranges()}
+
+    def check_keyframes(self, _: dict[str, str], body: bytes) -> dict[str, Any]:
+        """Return the movements of demonstrations, and what is wrong or could be better."""
+        return KeyframeSet.from_rows(parse(Rows, body, "key postures")).as_json()
+
+    def csv(self, _: dict[str, str], body: bytes) -> dict[str, Any]:
+        """Return a ZIP archive of CSV files that `creative-nao train --demonstrations` takes unpacked."""
+        demonstrations = KeyframeSet.from_rows(parse(Rows, body, "key postures")).demonstrations()
+        with tempfile.TemporaryDirectory() as folder:
+            save_demonstrations(Path(folder) / "demonstrations", demonstrations)
+            archive = shutil.make_archive(f"{folder}/made", "zip", folder, "demonstrations")
+            return {"name": "demonstrations.zip", "content": b64encode(Path(archive).read_bytes()).decode()}
+
+    def train(self, _: dict[str, str], body: bytes) -> dict[str, Any]:
+        """Begin a training, or go on with one; return the name of its trainer."""
+        asked = parse(TrainRequest, body, "training")
+        if asked.taught:
+            trainer = self.sessions.get(asked.taught)
+            done, ended = trainer.progress.epoch, trainer.progress.phase == "finished"
+            trainer.learn(done + asked.epochs if ended else trainer.progress.n_epochs)
+            return {"taught": asked.taught}
+        keyframes = KeyframeSet.from_rows(asked.drafts)
+        if faults := keyframes.shortcomings():
+            raise SettingsError(faults[0])
+        training = TrainingSettings(closed_loop_ratio=asked.ratio, seed=asked.seed)
+        trainer = Trainer(keyframes.demonstrations(), training, self.sessions.concurrency_limit)
+        name = self.sessions.add(trainer)
+        trainer.learn(asked.epochs)
+        return {"taught": name}
+
+    async def taught(self, request: Request) -> Response:
+        """Return how far a training is, and keep it alive; POST stops it, `?file=1` gives the memory as a file."""
+        name, query = request.path_params["name"], request.query_params
+
+        def answer() -> dict[str, Any]:
+            trainer = self.sessions.get(name)
+            if request.method == "POST":
+                trainer.stop()
+            if "file" not in query:
+                return trainer.as_json() if "map" in query else {"phase": trainer.progress.phase}
+            with tempfile.TemporaryDirectory() as folder:
+                path = trainer.loaded().memory.save(Path(folder) / "taught.safetensors")
+                return {"name": path.name, "content": b64encode(path.read_bytes()).decode()}
+
+        return await _told(answer)
+
+
+async def _told(call: Callable[..., Any], *arguments: Any) -> Response:
+    try:
+        return JSONResponse(await anyio.to_thread.run_sync(call, *arguments))
+    except (CreativeNaoError, OSError) as error:
+        return JSONResponse({"error": str(error)}, 404 if isinstance(error, NotFoundError) else 400)
+
+
+async def page(_: Request) -> Response:
+    """Return the page, which is the same at every address."""
+    return _file("index.html")
+
+
+async def static(request: Request) -> Response:
+    """Return a part of the page."""
+    name = request.path_params["name"]
+    return _file(name) if name in {path.name for path in STATIC.iterdir()} else Response(status_code=404)
+
+
+def _file(name: str) -> Response:
+    path = STATIC / name
+    return Response(path.read_bytes(), media_type=TYPES[path.suffix], headers={"cache-control": "no-cache"})
+
+
+SWEEP_S = 5.0
+
+
+def application(explorer: Explorer, host: str, allowed: tuple[str, ...], started: Callable[[], object]) -> ASGIApp:
+    """Return the server as an ASGI application; `started` is called when it begins to answer."""
+
+    async def sweep() -> None:
+        while True:
+            await asyncio.sleep(SWEEP_S)
+            explorer.sessions.sweep()
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        started()
+        sweeping = asyncio.create_task(sweep())
+        yield
+        sweeping.cancel()
+
+    return Gate(Starlette(routes=explorer.routes(), lifespan=lifespan), host, allowed)
+
+
+def serve(
+    explorer: Explorer,
+    *,
+    host: str,
+    port: int,
+    show: bool,
+    allowed: tuple[str, ...] = (),
+    told: Callable[[str], object] = lambda _: None,
+) -> None:
     """Serve until Ctrl-C, and `show` the page; only with a `host` other than 127.0.0.1 can other machines reach it.
 
-    `allowed` are names by which it may be asked for besides this machine's own and `host`.
+    `allowed` are names by which it may be asked for besides this machine's own and `host`; `told` takes a line for the
+    terminal.
     """
-    mount(app_state)
-    app.add_middleware(ConcurrencyLimit, paths=PAGES)
-    app.add_middleware(Gate, host=host, allowed=allowed)
-    app_state.registry.start()
+
+    def started() -> None:
+        threading.Thread(target=explorer.prepare, args=(told,), name="prepare", daemon=True).start()
+        if show:
+            threading.Timer(0.3, webbrowser.open, [f"http://{host}:{port}/"]).start()
+
+    settings = uvicorn.Config(
+        application(explorer, host, allowed, started), host=host, port=port, log_level="warning", ws="none",
+        limit_concurrency=500, timeout_keep_alive=20, timeout_graceful_shutdown=2, server_header=False,
+    )  # fmt: skip
     with contextlib.suppress(KeyboardInterrupt):
-        ui.run(
-            host=host, port=port, show=show, reload=False, show_welcome_message=False, title="Memory explorer",
-            reconnect_timeout=RECONNECT_S,
-        )  # fmt: skip
+        uvicorn.Server(settings).run()

@@ -29,13 +29,17 @@ class Hits:
     peak_force_n: float
     impulse_ns: float
     """Force integrated over the performance [N s]."""
+    moments: tuple[tuple[float, float], ...] = ()
+    """When each hit began [s], and its largest force [N]."""
 
     @classmethod
     def from_force(cls, force: np.ndarray, step_s: float) -> Hits:
         """Count hits in the force on the bag [N], one value a physics step of `step_s` seconds."""
         touching = np.flatnonzero(force > HIT_FORCE_N)
-        starts = np.diff(touching, prepend=-len(force)) * step_s > HIT_PAUSE_S
-        return cls(int(starts.sum()), float(force.max(initial=0.0)), float(force.sum() * step_s))
+        starts = np.flatnonzero(np.diff(touching, prepend=-len(force)) * step_s > HIT_PAUSE_S)
+        peaks = np.maximum.reduceat(force[touching], starts) if len(starts) else starts
+        moments = tuple(zip((touching[starts] * step_s).tolist(), peaks.tolist(), strict=True))
+        return cls(len(starts), float(force.max(initial=0.0)), float(force.sum() * step_s), moments)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -52,7 +52,21 @@ def test_it_works_where_nothing_else_does(tmp_path):
     found = json.loads(done.stdout)
 
     assert found["software_renderer"] is True
-    assert found["numba_cache"] == {"folder": str(tmp_path / "file" / "cache"), "writable": False}
+    assert found["numba_cache"] == {"folder": str(tmp_path / "file" / "cache"), "writable": False, "shared": False}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes of POSIX")
+def test_a_cache_that_others_can_write_is_told(tmp_path, monkeypatch, found, capsys):
+    """What numba finds there it unpickles."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    tmp_path.chmod(0o777)
+    cache = doctor._numba_cache()
+    assert cache["shared"]
+    monkeypatch.setattr(doctor, "examine", lambda: found | {"numba_cache": cache})
+    assert main(["doctor"]) == 0
+    assert "nobody else may write to it" in capsys.readouterr().out
+    tmp_path.chmod(0o700)
+    assert not doctor._numba_cache()["shared"]
 
 
 def test_a_back_end_that_breaks_is_told_with_its_reason(monkeypatch):

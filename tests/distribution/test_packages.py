@@ -32,8 +32,7 @@ ASSETS = {
     "page templates": (4, "creative_nao/evaluation/templates/*.jinja"),
     "models of robot, bag, ring and scene": (4, "creative_nao/robot/*.xml"),
     "sources of the robot's figures": (1, "creative_nao/robot/nao_sources.csv"),
-    "explorer templates": (8, "creative_nao/explorer/templates/*.jinja"),
-    "explorer files": (6, "creative_nao/explorer/static/*"),
+    "explorer files": (11, "creative_nao/explorer/static/*"),
     "mark of typed packages": (1, "creative_nao/py.typed"),
 }
 """What a wheel must bring along beside its modules: at least so many files of this pattern."""

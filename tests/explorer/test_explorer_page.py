@@ -1,190 +1,243 @@
-"""The page in a real browser: touch the map, and the robot moves."""
+"""The page in a real browser: what a person does with the map, the robot, the drawer, tour and race."""
 
-import json
+import re
 
-import mujoco
 import numpy as np
 import pytest
 
-from creative_nao.explorer.physics_service import PhysicsService
-from creative_nao.model import load_memory
-
-HANDS = ("nao/RHand", "nao/LHand")
-
 
 def test_a_click_moves_the_robot_and_nothing_leaves_the_server(visit, server):
+    tab = visit(server.url, plays=True)
+    before = tab.pose()
+    tab.click_map(0.25, 0.75)
+    assert tab.points == [[pytest.approx(-0.5, abs=0.01), pytest.approx(-0.5, abs=0.01)]]
+    tab.moved(before)
+    tab.until("() => location.search.startsWith('?x=-0.')")
+    tab.says("ost like")
+    assert all(url.startswith((server.url, "data:")) for url in tab.requests)
+    assert tab("() => document.documentElement.scrollHeight <= innerHeight")  # one screen
+
+
+def test_the_pose_is_that_of_the_movement(visit, server):
+    """At a moment between two ticks the arm's node has the angle of the movement, halfway."""
+    tab = visit(f"{server.url}?x=0.45&y=0.62")
+    turned = tab("""() => {
+        const { player, panels: [{ stage, recall, memory }] } = explorer;
+        player.pause();
+        stage.blend = 1;
+        player.seek(1.05 * memory.dt * 2 / 2.1);
+        const { hinges, nodes } = stage.robot;
+        return hinges.map(({ body }, joint) => {
+            const { turn } = nodes[body].userData;
+            const { w } = turn.clone().invert().multiply(nodes[body].quaternion);
+            const angle = 2 * Math.acos(Math.min(1, Math.abs(w)));
+            return [angle, Math.abs(recall.angles[1][joint])];
+        });
+    }""")
+    for seen, meant in turned:
+        assert seen == pytest.approx(meant, abs=1e-3)
+
+
+def test_dragging_goes_on_in_the_movement_and_one_undo_takes_it_back(visit, server):
+    tab = visit(f"{server.url}?x=0.5&y=0.5")
+    tab.page.mouse.move(*tab.place(0.3, 0.3))
+    tab.page.mouse.down()
+    tab.page.wait_for_timeout(300)
+    time = tab("() => explorer.player.time")
+    for k in range(6):
+        tab.page.mouse.move(*tab.place(0.3 + 0.05 * k, 0.3))
+    tab.page.wait_for_timeout(100)
+    tab.page.mouse.up()
+    assert tab("() => explorer.player.time") >= time
+    tab.until("() => !document.querySelector('#undo').disabled")
+    assert tab.points[0][0] == pytest.approx(0.1, abs=0.02)
+    tab.press("Undo")
+    assert tab.points == [[0.5, 0.5]]
+    tab.until("() => !document.querySelector('#redo').disabled")
+    tab.press("Redo")
+    assert tab.points[0][0] == pytest.approx(0.1, abs=0.02)
+    tab.until("() => location.search.includes('x=0.1') || location.search.includes('x=0.09')")
+    tab.page.go_back()  # stays in the page
+    tab.until("() => explorer.panels[0].recall")
+
+
+def test_the_pointer_shows_a_card_with_a_small_robot(visit, server):
     tab = visit(server.url)
-    tab.wait_for_robot()
-    tab.page.evaluate("window.robotPlayer.playing = false; window.robotPlayer.seek(1.5)")
-    before = tab.page.evaluate(tab.POSE)
-    tab.click_map(0.05, 0.7)
-    tab.page.evaluate("window.robotPlayer.playing = true")
-    tab.page.wait_for_function(tab.MOVED, arg=before)
-    tab.says("PB -0.9")
-    tab.page.wait_for_function("location.search.startsWith('?x=-0.9')")
-    assert tab.page.locator(".cn-curves svg").count() == 8
-    assert all(url.startswith((server.url, "data:", "blob:")) for url in tab.requests), tab.requests
+    for x in (0.30, 0.31):
+        tab.page.mouse.move(*tab.place(x, 0.3))
+        tab.page.wait_for_timeout(150)
+    card = tab.page.locator("#card")
+    assert re.match(r"(New|Taught|Too fast|Hardly moves)most like", card.text_content())
+    tab.until("() => document.querySelector('#card-stage canvas').width > 50")
+    tab.page.mouse.move(2, 2)
+    assert card.is_hidden()
 
 
-def test_the_pose_in_the_browser_is_that_of_mujoco(visit, server):
-    memory, physics_service = load_memory("half/0"), PhysicsService()
-    model = physics_service.robot.scene.model
-    data = mujoco.MjData(model)
-    trajectory = memory.generate(np.array([[0.25, -0.5]]))[0]
-    tab = visit(f"{server.url}?x=0.25&y=-0.5")
-    tab.wait_for_robot()
-    tab.says("PB 0.250, -0.500")
-    tab.page.wait_for_function("window.robotPlayer.duration > 7")
-
-    for tick in (0, 7, 23, 49):
-        places = tab.page.evaluate(
-            """([time, names]) => {
-                window.robotPlayer.playing = false;
-                window.robotPlayer.seek(time);
-                const scene = window[Object.keys(window).find((key) => key.startsWith("scene_"))];
-                scene.updateMatrixWorld(true);
-                return names.map((name) => scene.getObjectByName(name).matrixWorld.elements.slice(12, 15));
-            }""",
-            [tick * memory.dt_s, HANDS],
-        )
-        data.qpos[:] = physics_service.robot.scene.guard_qpos()
-        data.qpos[physics_service.robot.scene.index.arm_qpos] = trajectory[tick]
-        mujoco.mj_kinematics(model, data)
-        np.testing.assert_allclose(places, [data.body(name).xpos for name in HANDS], atol=1e-4)
+def test_an_idle_page_draws_nothing(visit, server):
+    tab = visit(server.url, plays=True)
+    tab.resting()
+    frames = tab("() => explorer.panels[0].stage.frames")
+    tab.page.wait_for_timeout(700)
+    assert tab("() => explorer.panels[0].stage.frames") == frames
 
 
-def test_keys_do_what_the_pointer_does(visit, server):
+def test_keys_work_wherever_the_focus_is(visit, server):
     tab = visit(f"{server.url}?x=0&y=0")
-    tab.page.locator(".cn-map").focus()
-    tab.page.keyboard.press("Shift+ArrowRight")
-    tab.says("PB 0.690, 0.000")  # ten cells of a map of 30
-    tab.page.keyboard.press("ArrowDown")
-    tab.says("PB 0.690, -0.069")
-    learned = load_memory("half/0").pb[2]
     tab.page.keyboard.press("3")
-    tab.says(f"PB {learned[0]:.3f}, {learned[1]:.3f}; appropriate, like a basic action; nearest C left hook")
-    tab.page.keyboard.press("u")
-    tab.says("PB 0.690, -0.069")
+    assert tab.points == tab("() => [explorer.panels[0].memory.pb[2]]")
+    before = tab.points[0][0]
+    tab.page.keyboard.press("ArrowRight")
+    assert tab.points[0][0] == pytest.approx(before + 0.01)
+    tab.page.keyboard.press("r")
+    assert tab("() => explorer.panels[0].recall.outcome") == "unlearned"
+    playing = tab("() => explorer.player.playing")
+    tab.page.keyboard.press("Space")
+    assert tab("() => explorer.player.playing") != playing
+    tab.page.keyboard.press("?")
+    assert tab.page.get_by_role("dialog").is_visible()
+    tab.page.keyboard.press("Escape")
+    tab.page.keyboard.press("+")
+    assert tab("() => explorer.view.width") == 1
+    tab.page.keyboard.press("0")
+    assert tab("() => explorer.view.width") == 2
 
 
-@pytest.mark.slow
-def test_dragging_follows_the_pointer_and_a_path_is_one_movement(visit, server):
+def test_the_camera_cannot_be_lost(visit, server):
     tab = visit(server.url)
-    tab.page.mouse.move(*tab.place(0.2, 0.2))
-    tab.page.mouse.down()
-    tab.page.mouse.move(*tab.place(0.5, 0.5), steps=4)
-    tab.page.mouse.move(*tab.place(0.75, 0.5), steps=4)
-    tab.page.mouse.up()
-    tab.says("PB 0.517, ")
-
-    tab.page.get_by_role("button", name="path", exact=True).click()
-    tab.page.mouse.move(*tab.place(0.2, 0.4))
-    tab.page.mouse.down()
-    for share in (0.3, 0.4, 0.5):
-        tab.page.mouse.move(*tab.place(share, 0.4))
-        tab.page.wait_for_timeout(120)
-    tab.page.mouse.up()
-    tab.says("path of ")
-    tab.page.wait_for_function("location.search.startsWith('?path=')")
-    again = visit(tab.page.url)
-    again.says("path of ")
+    home = tab("() => explorer.panels[0].stage.camera.position.toArray()")
+    x, y = tab.place(0.5, 0.3, "#stages")
+    for way in (-400, 400, -300):
+        tab.page.mouse.move(x, y)
+        tab.page.mouse.down()
+        tab.page.mouse.move(x + 30, y + way, steps=3)
+        tab.page.mouse.up()
+        assert tab("() => explorer.panels[0].stage.camera.position.z") > 0.05
+    tab.page.mouse.wheel(0, 5000)
+    tab.press("Reset the camera")
+    np.testing.assert_allclose(tab("() => explorer.panels[0].stage.camera.position.toArray()"), home, atol=1e-3)
 
 
-@pytest.mark.slow
-def test_two_tabs_know_nothing_of_each_other(visit, server):
-    one, other = visit(f"{server.url}?x=0.5&y=0.5"), visit(f"{server.url}?x=-0.5&y=-0.5")
-    one.click_map(0.5, 0.1)
-    one.says("PB 0.0")
-    assert other.status.startswith("PB -0.500, -0.500")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("query", ["?x=nan&y=inf", "?x=1e999&y=%00", "?path=_,_nan,3_;drop", "?x=&y=<b>"])
-def test_an_address_full_of_nonsense_shows_the_map(visit, server, query):
-    assert visit(server.url + query).status.startswith(("PB ", "path "))
-
-
-@pytest.mark.slow
-def test_the_player_pauses_scrubs_and_slows_down(visit, server):
+def test_the_drawer_tells_numbers_curves_and_takes_a_point(visit, server):
     tab = visit(server.url)
-    tab.wait_for_robot()
-    tab.page.get_by_role("button", name="Pause").click()
-    first = tab.page.evaluate("window.robotPlayer.time")
-    tab.page.wait_for_timeout(200)
-    assert tab.page.evaluate("window.robotPlayer.time") == first
-    tab.page.locator("[data-player=scrub]").fill("500")
-    assert tab.page.evaluate("window.robotPlayer.time") == pytest.approx(7.35 / 2, abs=0.01)
-    tab.page.get_by_role("button", name="Speed: 1").click()
-    tab.page.get_by_role("button", name="Speed: 0.5").wait_for()
+    tab.press("Details")
+    drawer = tab.page.locator("#drawer")
+    assert drawer.locator("svg").count() == 8
+    drawer.locator("#pb1").fill("0,25")
+    drawer.locator("#pb2").fill("-0.5")
+    drawer.locator("#pb2").press("Enter")
+    assert tab.points == [[0.25, -0.5]]
+    tab.until("() => document.querySelector('#numbers').textContent.includes('rad from')")
+    drawer.locator("#colour").select_option("speed")
+    tab.until("() => document.querySelector('#legend').textContent.includes('rad/s')")
+    drawer.locator("#walk").click()
+    assert tab("() => explorer.panels[0].recall.outcome") == "unlearned"  # the walk that is offered can be used
 
 
-@pytest.mark.slow
-def test_favourites_outlive_the_tab(visit, server):
-    tab = visit(f"{server.url}?x=0.1&y=0.2")
-    tab.page.get_by_label("Note").fill("my <b>favourite</b>")
-    tab.page.get_by_role("button", name="Keep as favourite").click()
-    tab.page.get_by_text("my <b>favourite</b>").wait_for()
-    again = visit(f"{server.url}?x=0.9&y=0.9")
-    again.page.get_by_role("button", name="Recall a favourite").click()
-    again.says("PB 0.100, 0.200")
-    again.page.get_by_role("button", name="Remove").click()
-    again.page.get_by_text("my <b>favourite</b>").wait_for(state="detached")
+def test_favourites_are_pictures_and_stars_that_other_tabs_see(visit, server):
+    tab, other = visit(f"{server.url}?x=0.3&y=0.2"), visit(server.url)
+    tab.press("Keep as favourite")
+    tab.page.locator(".favourite img").wait_for()
+    assert tab.page.locator(".star").count() == 1
+    other("() => dispatchEvent(new Event('focus'))")
+    other.page.locator(".favourite button").first.click()
+    assert other.points == [[0.3, 0.2]]
+    tab.page.locator(".favourite").hover()
+    tab.press("Remove this favourite")
+    tab.page.locator(".favourite").wait_for(state="detached")
 
 
-@pytest.mark.slow
-def test_a_click_is_answered_within_200_ms(visit, server):
+def test_physics_is_felt_and_remembered(visit, server):
     tab = visit(server.url)
-    tab.wait_for_robot()
-    rng = np.random.default_rng(0)
-    measured = []
-    for _ in range(21):
-        x, y = tab.place(*rng.uniform(0.1, 0.9, 2))
-        took = tab.page.evaluate(
-            """([x, y]) => new Promise((done) => {
-                const map = document.elementFromPoint(x, y);
-                const player = window.robotPlayer;
-                const robot = [...player.robots][0];
-                const before = robot.movement;
-                const start = performance.now();
-                const options = {clientX: x, clientY: y, buttons: 1, bubbles: true, pointerId: 1};
-                map.dispatchEvent(new PointerEvent("pointerdown", options));
-                const look = () => robot.movement !== before ? done(performance.now() - start)
-                                                              : requestAnimationFrame(look);
-                look();
-            })""",
-            [x, y],
-        )
-        measured.append(took)
-        tab.page.wait_for_timeout(200)
-    assert np.median(measured[1:]) < 200, measured
+    tab.page.keyboard.press("2")
+    tab.press("Physics")
+    tab.until("() => explorer.panels[0].body")
+    tab.says("The body can do it.")
+    tab.press("Play")
+    assert "hits of the bag, the hardest with" in tab.status
+    tab.until("() => /^\\d+ N$/.test(document.querySelector('#badge').textContent)")
+    tab.page.reload()
+    tab.until("() => globalThis.explorer?.panels[0]?.body")
+    assert tab.page.locator("#physics").get_attribute("aria-pressed") == "true"
+
+
+def test_two_memories_follow_one_pointer(visit, server):
+    tab = visit(f"{server.url}?beside=open/0")
+    tab.until("() => explorer.panels.length === 2 && explorer.panels[1].recall")
+    tab.click_map(0.7, 0.3)
+    angles = tab("() => explorer.panels.map((panel) => [...panel.recall.angles[20]])")
+    assert np.abs(np.subtract(*angles)).max() > 0.01
+    assert tab("() => document.documentElement.scrollHeight <= innerHeight")
+    gone = visit(f"{server.url}?beside=nothing&taught=guess&colour=none")
+    for text in ("is gone", "no memory “nothing”", "no colours “none”"):
+        assert gone.page.get_by_text(text).count() == 1
+    gone.errors.clear()  # the browser tells of the answer 404
+
+
+def test_the_tour_shows_surprises_and_ends(visit, server):
+    tab = visit(server.url)
+    tab.press("Take a tour")
+    panel = tab.page.locator("#stop")
+    panel.wait_for(timeout=120_000)
+    seen = []
+    while "Explore yourself" not in panel.text_content():
+        seen.append(tab.points)
+        assert "nobody taught it" in panel.text_content()
+        tab.press("Next")
+    assert len(seen) == 3
+    tab.press("Explore yourself")
+    assert panel.is_hidden()
 
 
 @pytest.mark.slow
-def test_what_was_exported_is_recognised_again(visit, server, tmp_path):
-    tab = visit(f"{server.url}?x=0.1&y=0.3")
-    with tab.page.expect_download() as waiting:
-        tab.page.get_by_role("button", name="Export").click()
-        tab.page.get_by_text("csv: ").click()
-    exported = tmp_path / "movement.csv"
-    waiting.value.save_as(exported)
-    other = visit(server.url)
-    other.page.locator("input[type=file]").set_input_files(exported)
-    other.says("Recording, recognised at R with DTW 0.0", seconds=240)  # recognition is compiled at first use
-    assert other.status.split(" left. ")[1].startswith("PB 0.100, 0.300")
+def test_two_agents_race_on_the_map(visit, server):
+    tab = visit(server.url)
+    tab.press("Watch agents")
+    tab.page.locator(".dot.b").first.wait_for(timeout=120_000)
+    tab.page.get_by_text("wins:").wait_for(timeout=120_000)
+    assert tab.page.locator(".dot").count() == 60
 
-    nonsense = tmp_path / "nonsense.csv"
-    nonsense.write_text("time_s,RShoulderPitch\n0,bananas\n")
-    other.page.locator("input[type=file]").set_input_files(nonsense)
-    other.says("Not a movement")
+
+def test_a_phone_scrolls_and_has_the_robot_on_top(visit, server):
+    tab = visit(server.url, size=(390, 844), has_touch=True, is_mobile=True)
+    assert tab("() => document.documentElement.scrollWidth <= innerWidth")
+    robot = tab.page.locator("#scene").bounding_box()
+    assert robot["y"] + robot["height"] < 0.45 * 844
+    assert tab.page.locator("#map").bounding_box()["width"] > 340
+    x, y = tab.place(0.4, 0.4)
+    tab.page.touchscreen.tap(x, y)
+    assert tab.points[0] == pytest.approx([-0.2, 0.2], abs=0.03)
+    tab.press("Details")
+    sheet = tab.page.locator("#drawer").bounding_box()
+    assert sheet["y"] > 0.35 * 844
+    tab.press("Close the details")
 
 
 @pytest.mark.slow
-def test_physics_swings_the_bag(visit, server):
-    learned = load_memory("half/0").pb[1]
-    tab = visit(f"{server.url}?x={learned[0]}&y={learned[1]}")
-    tab.wait_for_robot()
-    tab.page.get_by_role("switch", name="Physics").click()
-    tab.says("the body can do it")
-    swing = "[...window.robotPlayer.robots][0].movement.tracks?.map((track) => track.body) ?? []"
-    tab.page.wait_for_function(f"({swing}).includes('bag/bag')")
-    assert json.dumps(tab.page.evaluate(swing))
+def test_half_an_hour_of_play_takes_no_more_memory(visit, server):
+    tab = visit(server.url)
+    session = tab.context.new_cdp_session(tab.page)
+
+    def held():
+        session.send("HeapProfiler.collectGarbage")
+        return tab("() => performance.memory.usedJSHeapSize")
+
+    def play(n):
+        for _ in range(n):
+            tab("() => document.querySelector('#surprise').click()")
+            tab.page.wait_for_timeout(20)
+
+    play(200)
+    before = held()
+    play(2000)  # as many movements as half an hour of one a second
+    assert held() < 1.3 * before + 5_000_000
+
+
+def test_zoom_brings_finer_cells(visit, server):
+    tab = visit(f"{server.url}?x=0.2&y=0.3&view=0.1,0.2,0.4")
+    tab.until("() => explorer.panels[0].finer?.cells.n === 200")
+    tab.page.mouse.move(*tab.place(0.5, 0.5))
+    tab.page.mouse.wheel(0, -300)
+    tab.until("() => explorer.view.width < 0.3")
+    tab.until("() => location.search.includes('view=')")
+    tab.press("Whole map")
+    tab.until("() => !location.search.includes('view=')")

@@ -1,7 +1,8 @@
 """The parts of the explorer that need no browser."""
 
 import json
-import re
+import zlib
+from base64 import b64decode
 
 import numpy as np
 import pytest
@@ -10,102 +11,147 @@ from creative_nao import maps
 from creative_nao.cli.explore import choices
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError
 from creative_nao.exchange import WRITABLE
-from creative_nao.explorer import MemoryService, cached_map
-from creative_nao.explorer.markup import curves_svg, marks_svg
-from creative_nao.explorer.memory_service import as_coordinate, describe, less_like, more_like, surprise
-from creative_nao.explorer.recordings import export, read_upload
-from creative_nao.explorer.registry import cache_path, content_hash
-from creative_nao.explorer.state import Favourite, Session
-from creative_nao.explorer.view import View
+from creative_nao.explorer import cached_map
+from creative_nao.explorer.favourites import Favourite, Session
+from creative_nao.explorer.live_agents import agents_for, tries
+from creative_nao.explorer.recordings import _read, export, read_upload
+from creative_nao.explorer.registry import (
+    COLOURS,
+    Computation,
+    LoadedMemory,
+    MemoryRegistry,
+    View,
+    cache_path,
+    cells_json,
+    content_hash,
+    finer_cells,
+    movement,
+)
+from creative_nao.explorer.robot_service import RobotService
+from creative_nao.measures import score
+from creative_nao.measures.outcome import ALL_OUTCOMES
 from creative_nao.model import load_memory
 
 
 @pytest.fixture(scope="module")
-def service():
-    return MemoryService(load_memory("half/0"))
+def memory():
+    return load_memory("half/0")
 
 
 @pytest.fixture(scope="module")
-def pb_map(service):
-    return maps.pb_map(service.memory, 20)
+def pb_map(memory):
+    return maps.pb_map(memory, 20)
 
 
-def test_a_recall_is_what_the_memory_generates(service):
+def plane(text):
+    return np.frombuffer(zlib.decompress(b64decode(text)), np.uint8)
+
+
+def test_a_movement_is_what_the_memory_generates(memory):
     point = np.array([[0.2, -0.3]])
-    recall = service.recall(point)
-    np.testing.assert_array_equal(recall.trajectory, service.memory.generate(point)[0])
-    assert len(service.recall(np.array([[0.0, 0.0], [0.5, 0.5]])).points) == 2
-    with pytest.raises(ShapeError, match=r"lie in \[-1, 1\]"):
-        service.recall(np.array([[np.nan, 0.0]]))
+    np.testing.assert_array_equal(movement(memory, point), memory.generate(point)[0])
+    path = np.array([[0.0, 0.0], [0.5, 0.5]])
+    np.testing.assert_array_equal(movement(memory, path), memory.generate_path(path))
+    for wrong in ([[np.nan, 0.0]], [[2.0, 0.0]], [], [[0.0] * 3], [[0.0, 0.0]] * 201):
+        with pytest.raises(ShapeError, match=r"lie in \[-1, 1\]"):
+            movement(memory, np.array(wrong))
 
 
-def test_words_tell_why_a_movement_is_inappropriate(service, pb_map):
-    fast = pb_map.pb[pb_map.outcome == "fluctuating"][:1]
-    text = describe(service.recall(fast), service)
-    assert "inappropriate, too fast for the motors" in text
-    speed, limit = map(float, re.search(r"reaches ([\d.]+) rad/s at [\d.]+ s, the limit is ([\d.]+)", text).groups())
-    assert speed >= limit
-    assert "appropriate, like a basic action; nearest C left hook" in describe(
-        service.recall(service.memory.pb[2:3]), service
-    )
+def test_the_page_gets_the_cells_of_the_map(pb_map):
+    told = cells_json(pb_map, {"novelty": pb_map.distance})
+    codes = [ALL_OUTCOMES.index(outcome) for outcome in pb_map.outcome]
+    assert plane(told["outcome"]).tolist() == codes
+    np.testing.assert_array_equal(plane(told["nearest"]), pb_map.nearest)
+    number = told["values"]["novelty"]
+    back = number["low"] + plane(number["plane"]) / 255 * (number["high"] - number["low"])
+    usable = pb_map.appropriate
+    np.testing.assert_allclose(back[usable], pb_map.distance[usable], atol=(number["high"] - number["low"]) / 500)
 
 
-def test_overspeed_is_marked_in_the_curves(service, pb_map):
-    assert "cn-overspeed" in curves_svg(service.recall(pb_map.pb[pb_map.outcome == "fluctuating"][:1]), service)
-    calm = curves_svg(service.recall(service.memory.pb[:1]), service)
-    assert "cn-overspeed" not in calm
-    assert calm.count("<svg") == 8
+def test_finer_cells_are_those_that_a_person_would_select(memory, pb_map):
+    view = View(0.1, -0.2, 0.25)
+    told = finer_cells(memory, pb_map, view, 5, "speed", Computation())
+    scores = score(memory.generate(view.grid(5)), memory.demonstrations)
+    assert [ALL_OUTCOMES[code] for code in plane(told["outcome"])] == scores.outcome.tolist()
+    assert set(told["values"]) == {"speed"}
+    cancelled = Computation()
+    cancelled.cancelled = True
+    assert finer_cells(memory, pb_map, view, 5, "nearest", cancelled) is None
+    for wrong in ((0.5, 0, 0.6), (0, 0, 0.001), (float("nan"), 0, 0.5), (-1.5, 0, 0.5)):
+        with pytest.raises(SettingsError, match="a window should be"):
+            View(*wrong)
 
 
-def test_the_cached_map_is_the_computed_one_and_a_torn_file_is_computed_again(service, monkeypatch, tmp_path):
+def test_every_colouring_has_its_numbers_and_others_are_refused(memory):
+    loaded = LoadedMemory(memory, 12)
+    for colour in COLOURS:
+        if not colour.startswith("physical"):
+            assert set(loaded.cells(colour)["values"]) <= {colour}
+    with pytest.raises(NotFoundError, match="no physical map of half/0"):
+        loaded.cells("physical")
+    with pytest.raises(NotFoundError, match="did you mean `speed`"):
+        loaded.cells("sped")
+
+
+def test_an_address_never_names_a_file(memory, tmp_path):
+    path = memory.save(tmp_path / "mine.safetensors")
+    registry = MemoryRegistry([memory], 12)
+    assert registry.get("half/0") is registry.first
+    with pytest.raises(NotFoundError, match="no memory"):
+        registry.get(str(path))
+
+
+def test_the_cached_map_is_the_computed_one_and_a_torn_file_is_computed_again(memory, monkeypatch, tmp_path):
     monkeypatch.setenv("CREATIVE_NAO_CACHE", str(tmp_path))
-    first = cached_map(service.memory, 12)
-    path = cache_path(service.memory, 12)
+    first = cached_map(memory, 12)
+    path = cache_path(memory, 12)
     assert path.is_file()
-    np.testing.assert_array_equal(cached_map(service.memory, 12).distance, first.distance)
+    np.testing.assert_array_equal(cached_map(memory, 12).distance, first.distance)
     path.write_bytes(b"torn")
-    np.testing.assert_array_equal(cached_map(service.memory, 12).distance, first.distance)
-    assert content_hash(service.memory) != content_hash(load_memory("half/1"))
+    np.testing.assert_array_equal(cached_map(memory, 12).distance, first.distance)
+    assert content_hash(memory) != content_hash(load_memory("half/1"))
 
 
-def test_the_marks_have_a_letter_for_each_action_and_a_line_for_a_path(pb_map):
-    whole = View.of(pb_map)
-    points = np.array([[0.0, 0.0], [0.5, 0.5]])
-    svg = marks_svg(whole, pb_map.learned_pb, points, agent_points=np.zeros((3, 2)))
-    assert [f">{letter}</text>" in svg for letter in "ABCDEF"] == [True] * 6
-    assert svg.count("<polyline") == 2
-    assert svg.count('r="4"') == 3
-    near = View(*(pb_map.learned_pb[2] - 0.01), 0.02)
-    svg = marks_svg(near, pb_map.learned_pb, points, agent_points=np.zeros((3, 2)))
-    assert svg.count("</text>") == 1
-    assert '<text x="300.0" y="300.0"' in svg
-    assert 'r="4"' not in svg
+def test_physics_tells_hits_and_films_are_made(memory):
+    robot = RobotService()
+    trajectory = memory.demonstrations.trajectories[1]
+    clip = robot.perform(trajectory, memory.dt_s)
+    assert clip["failure"] is clip["fell"] is None
+    assert clip["hits"]
+    assert all(0 <= time <= clip["n"] * clip["dt"] and force > 0.5 for time, force in clip["hits"])
+    assert "bag/bag" in {track["body"] for track in clip["tracks"]}
+    assert robot.film(trajectory[:3], memory.dt_s, "gif", False)[:6] == b"GIF89a"
 
 
-def test_a_surprise_is_new_and_appropriate(pb_map):
-    rng = np.random.default_rng(0)
-    for find in (
-        lambda: surprise(pb_map, rng),
-        lambda: more_like(pb_map, np.array([[0.3, 0.3]]), rng),
-        lambda: less_like(pb_map, np.array([[0.3, 0.3]]), rng),
-    ):
-        cell = int(np.flatnonzero((pb_map.pb == find()).all(axis=1))[0])
-        assert pb_map.outcome[cell] in ("learned", "unlearned")
-    near = np.linalg.norm(more_like(pb_map, np.array([[0.3, 0.3]]), rng) - 0.3)
-    assert near < np.linalg.norm(less_like(pb_map, np.array([[0.3, 0.3]]), rng) - 0.3)
-    again = [surprise(pb_map, np.random.default_rng(5)).tolist() for _ in range(2)]
-    assert again[0] == again[1]
+def test_an_agent_plays_and_others_are_refused(memory):
+    assert agents_for(memory)[0].startswith("sac/")
+    played = tries(memory, "random", 3)["tries"]
+    assert played == tries(memory, "random", 3)["tries"]
+    assert len(played) == 30
+    assert sum(one["reward"] for one in played) > 0
+    with pytest.raises(NotFoundError, match="no agent `os:system`"):
+        tries(memory, "os:system", 0)
 
 
 @pytest.mark.parametrize("format_name", [name for name in WRITABLE if name != "bvh"])
-def test_every_format_goes_out_and_comes_back(service, format_name):
-    recall = service.recall(service.memory.pb[:1])
-    name, content, _ = export(recall, service, format_name)
-    back = read_upload(name, content, service.memory.dt_s)
-    start = len(back.motion.angles) - len(
-        recall.trajectory
-    )  # formats for robots begin with the way to the first posture
-    assert start >= 0
+def test_every_format_goes_out_and_comes_back(memory, format_name):
+    points = memory.pb[:1].tolist()
+    name, content, _ = export(memory, points, movement(memory, memory.pb[:1]), format_name)
+    back = _read(name, content, memory.dt_s)
+    # Formats for robots begin with the way to the first posture.
+    assert len(back["angles"]) >= memory.n_steps
+    assert back["format"] == format_name
+    with pytest.raises(NotFoundError, match="no format"):
+        export(memory, points, movement(memory, memory.pb[:1]), "../../x")
+
+
+def test_a_table_of_a_spreadsheet_is_read_and_it_is_said(memory):
+    rows = ["time_s;" + ";".join(memory.joints)]
+    rows += [f"{tick * 0.15:.2f};{';'.join(f'{57.3 * angle:.3f}' for angle in row)}" for tick, row in enumerate(memory.demonstrations.trajectories[0])]  # fmt: skip # noqa: E501
+    recording = read_upload("C:\\movements\\mine.csv", "\n".join(rows).replace(".", ",").encode(), memory.dt_s)
+    np.testing.assert_allclose(recording.motion.angles, memory.demonstrations.trajectories[0], atol=0.01)
+    assert any("semicolons" in note for note in recording.notes)
+    assert any("degrees" in note for note in recording.notes)
 
 
 def test_an_upload_too_large_or_foreign_is_refused():
@@ -123,18 +169,10 @@ def test_favourites_survive_and_a_foreign_file_is_refused(tmp_path):
     again = Session(path)
     assert again.favourites("m") == [Favourite("m", ((0.1, 0.2),), "one")]
     again.remove(Favourite("m", ((0.1, 0.2),), "one"))
-    assert Session(path).favourites("m") == []
+    assert session.favourites("m") == []  # what another explorer changes is seen
     path.write_text(json.dumps({"format_version": 1, "favourites": [{"memory": "m", "points": [[9, 9]], "note": ""}]}))
     with pytest.raises(FileFormatError, match="not a session of the explorer"):
         Session(path)
-    with pytest.raises(SettingsError, match="at most 300"):
-        Favourite("m", ((0.0, 0.0),), "x" * 301)
-
-
-@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "", None, "x", [], "1e999"])
-def test_what_is_no_number_is_the_middle(value):
-    assert as_coordinate(value) == 0.0
-    assert as_coordinate("7") == 1.0
 
 
 def test_choices_of_a_run_folder(tmp_path):

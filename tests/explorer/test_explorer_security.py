@@ -12,9 +12,9 @@ import pytest
 
 from creative_nao import storage
 from creative_nao.errors import FileFormatError
+from creative_nao.explorer.favourites import Favourite, Session, default_path
+from creative_nao.explorer.gate import MAX_BODY_BYTES, Gate
 from creative_nao.explorer.recordings import read_upload
-from creative_nao.explorer.server import MAX_BODY_BYTES, Gate
-from creative_nao.explorer.state import Favourite, Session, default_path
 
 posix = pytest.mark.skipif(os.name != "posix", reason="locks and modes of POSIX")
 
@@ -82,32 +82,36 @@ FRAME = {"sec-fetch-mode": "navigate", "sec-fetch-dest": "iframe"}
         ({"host": OWN, "sec-fetch-site": "same-origin"}, "127.0.0.1", (), 200),
     ],
 )  # fmt: skip
-def test_who_is_answered(headers, host, allowed, status):
+def test_who_is_answered(headers, host, allowed, status, attempt):
+    attempt("the explorer's server", "requests with other hosts, origins and sites", "403 but for our own", n=2)
     got, answered = ask(headers, host, allowed)
 
     assert got == status
     assert b"frame-ancestors 'none'" in answered[b"content-security-policy"]
-    if status == 403:
-        assert ask(headers, host, allowed, kind="websocket")[0] == 1008
+    assert b"unsafe" not in answered[b"content-security-policy"]
+    assert ask(headers, host, allowed, kind="websocket")[0] == 1008  # the page opens no socket, so nobody does
 
 
 @pytest.mark.parametrize(
     ("told", "chunks"),
     [({"content-length": str(1_000_000_000)}, [b""]), ({"content-length": "-1"}, [b""]), ({}, [b"x" * 1_000_000] * 9)],
 )
-def test_a_body_that_is_too_large_is_refused_before_it_is_kept(told, chunks):
+def test_a_body_that_is_too_large_is_refused_before_it_is_kept(told, chunks, attempt):
+    attempt("the explorer's server", "bodies too large, told or not", "413")
     assert ask({"host": OWN, **told}, chunks=chunks)[0] == 413
     assert ask({"host": OWN}, chunks=[b"x" * (MAX_BODY_BYTES // 4)] * 4)[0] == 200
 
 
-def test_reading_an_upload_is_stopped(tmp_path):
+def test_reading_an_upload_is_stopped(attempt):
+    attempt("the explorer's server", "an upload that takes long to read", "stopped at the deadline, one line")
     begun = time.monotonic()
     with pytest.raises(FileFormatError, match=r"slow\.py: reading it took more than 0\.05 s and was stopped"):
         read_upload("slow.py", b"f'" + b"{a}" * 600_000 + b"'\n", 0.15, deadline_s=0.05)
     assert time.monotonic() - begun < 5
 
 
-def test_an_upload_imports_nothing_from_the_current_folder(tmp_path, monkeypatch):
+def test_an_upload_imports_nothing_from_the_current_folder(tmp_path, monkeypatch, attempt):
+    attempt("the explorer's server", "a numpy.py in the current folder", "never imported")
     (tmp_path / "numpy.py").write_text("open('run', 'w')\n")
     monkeypatch.chdir(tmp_path)
     with pytest.raises(FileFormatError, match=r"^a\.csv"):
@@ -119,7 +123,8 @@ HOLDER = "import fcntl, os, sys, time; fcntl.flock(os.open(sys.argv[1], os.O_RDO
 
 
 @posix
-def test_a_lock_that_somebody_holds_is_given_up(tmp_path):
+def test_a_lock_that_somebody_holds_is_given_up(tmp_path, attempt):
+    attempt("favourites", "another user holds the lock of the folder", "given up after a deadline")
     with subprocess.Popen(
         [sys.executable, "-c", f"{HOLDER}; time.sleep(60)", tmp_path], stdout=subprocess.PIPE
     ) as holder:
@@ -134,7 +139,8 @@ def test_a_lock_that_somebody_holds_is_given_up(tmp_path):
 
 
 @posix
-def test_nobody_else_reads_the_favourites(tmp_path, monkeypatch):
+def test_nobody_else_reads_the_favourites(tmp_path, monkeypatch, attempt):
+    attempt("favourites", "another user reads them", "folder 0700, file 0600")
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     (tmp_path / "creative_nao").mkdir(mode=0o755)  # as an older release made it
     Session(default_path()).add(Favourite("m", ((0.1, 0.2),), "mine"))

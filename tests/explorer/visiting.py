@@ -25,19 +25,14 @@ def free_port():
 class Server:
     """`creative-nao explore` on a free port; a small map, a cache and a session of its own."""
 
-    pipe = None
-
     def __init__(self, folder, port=None, words=(), memories=("half/0",)):
         self.port = port or free_port()
         self.url = f"http://127.0.0.1:{self.port}/"
         self.log = folder / "server.log"
         environment = {**os.environ, "CREATIVE_NAO_CACHE": str(folder / "cache")}
-        environment.pop("NICEGUI_SCREEN_TEST_PORT", None)
-        environment.pop("PYTEST_CURRENT_TEST", None)
         with open(self.log, "wb") as log:
             self.process = subprocess.Popen(
-                self.command(folder, words, memories), env=environment, stdin=self.pipe, stdout=self.pipe or log,
-                stderr=log, cwd=folder,
+                self.command(folder, words, memories), env=environment, stdout=log, stderr=log, cwd=folder,
             )  # fmt: skip
         deadline = time.monotonic() + 90
         while not self.answers():
@@ -50,7 +45,7 @@ class Server:
         return [*command, "--resolution", "30", "--session", str(folder / "session.json"), *words]
 
     def answers(self):
-        """Tell whether it listens; asking for a page would open one, which the server keeps for a minute."""
+        """Tell whether it listens."""
         try:
             with socket.create_connection(("127.0.0.1", self.port), timeout=5):
                 return True
@@ -66,51 +61,67 @@ class Server:
             self.process.wait(timeout=15)
 
 
+POSE = """() => ["RShoulder", "RForearm", "LShoulder", "LForearm"].flatMap((name) =>
+    explorer.panels[0]?.stage?.robot.nodes["nao/" + name].quaternion.toArray() ?? [])"""
+MOVED = f"(before) => {{ const now = ({POSE})(); return now.length === before.length && "
+MOVED += "Math.max(...now.map((value, k) => Math.abs(value - before[k]))) > 0.02 }"
+
+
 class Visit:
-    """One tab of a browser context of its own, with all that it asked for and all that went wrong."""
+    """One tab of a browser context of its own, with all that it asked for and all that went wrong.
 
-    POSE = """() => {
-        const scene = window[Object.keys(window).find((key) => key.startsWith("scene_"))];
-        const names = ["RShoulder", "RForearm", "LShoulder", "LForearm"].map((name) => "nao/" + name);
-        return names.flatMap((name) => scene?.getObjectByName(name)?.quaternion.toArray() ?? []);
-    }"""
-    MOVED = f"(before) => {{ const now = ({POSE})(); return now.length && "
-    MOVED += "Math.max(...now.map((value, k) => Math.abs(value - before[k]))) > 0.02 }"
+    The robot stands unless `plays`: drawing it in software takes a core.
+    """
 
-    def __init__(self, browser, url, ready="novelty", **options):
-        self.context = browser.new_context(viewport={"width": 1280, "height": 1000}, **options)
+    def __init__(self, browser, url, size=(1280, 720), plays=False, **options):
+        motion = "no-preference" if plays else "reduce"
+        size = {"width": size[0], "height": size[1]}
+        self.context = browser.new_context(viewport=size, reduced_motion=motion, **options)
         self.page = self.context.new_page()
+        self.page.set_default_timeout(60_000)
         self.requests, self.errors = [], []
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("console", lambda line: line.type == "error" and self.errors.append(line.text))
         self.page.goto(url)
-        self.page.wait_for_function(
-            "(text) => document.querySelector('[role=status]')?.textContent.includes(text)", arg=ready
-        )
+        self.page.wait_for_function("() => !document.body.classList.contains('loading')")
 
-    def wait_for_robot(self):
-        self.page.wait_for_function(f"({self.POSE})().length === 16 && window.robotPlayer?.duration > 0")
+    def __call__(self, script, argument=None):
+        """Return what a function in the page returns."""
+        return self.page.evaluate(script, argument)
 
-    def wait_for_pose(self):
-        self.page.wait_for_function(
-            f"({self.POSE})().length === 16 && [...(window.robotPlayer?.robots ?? [])][0]?.movement"
-        )
+    def until(self, script, argument=None, seconds=60):
+        self.page.wait_for_function(script, arg=argument, timeout=1000 * seconds)
+
+    @property
+    def points(self):
+        return self("() => explorer.points")
 
     @property
     def status(self):
-        return self.page.locator("[role=status]").first.inner_text()
+        return self.page.locator("#status").text_content()
 
     def says(self, text, seconds=60):
-        self.page.wait_for_function(
-            "(text) => document.querySelector('[role=status]')?.textContent.includes(text)",
-            arg=text,
-            timeout=1000 * seconds,
-        )
+        self.until("(text) => document.querySelector('#status').textContent.includes(text)", text, seconds)
 
-    def place(self, x, y):
+    def pose(self):
+        return self(POSE)
+
+    def moved(self, before):
+        self.until(MOVED, before)
+
+    def press(self, name):
+        self.page.get_by_role("button", name=name, exact=True).click()
+
+    def place(self, x, y, selector="#map"):
         """Return the page coordinates of a share of the map's width and height, from its upper left corner."""
-        box = self.page.locator(".cn-map").first.bounding_box()
+        box = self.page.locator(selector).bounding_box()
         return box["x"] + x * box["width"], box["y"] + y * box["height"]
 
     def click_map(self, x, y):
         self.page.mouse.click(*self.place(x, y))
+
+    def resting(self):
+        """Stop the player and wait until nothing is drawn any more."""
+        self("() => explorer.player.pause()")
+        self.page.wait_for_timeout(600)

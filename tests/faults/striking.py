@@ -61,7 +61,7 @@ def start(command, folder, *, fault="none", moment=-1, delay_s=0.0, more=(), nam
     path = os.pathsep.join([str(STRUCK), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "STRIKE": json.dumps(plan), "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
     environment["CREATIVE_NAO_CACHE"] = str(folder / command.cache)
-    for name in ("NICEGUI_SCREEN_TEST_PORT", "PYTEST_CURRENT_TEST"):  # NiceGUI would take itself for under test
+    for name in ("PYTEST_CURRENT_TEST",):
         environment.pop(name, None)
     process = subprocess.Popen(
         [*command.start, *command.words, *more], cwd=folder, env=environment, text=True,

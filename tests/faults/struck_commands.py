@@ -20,7 +20,7 @@ KEEP_FAVOURITES = """
 import sys
 from pathlib import Path
 from creative_nao.cli import dispatch
-from creative_nao.explorer.state import Favourite, Session
+from creative_nao.explorer.favourites import Favourite, Session
 
 def keep(words):
     _, path, memory, *pb = words

@@ -12,7 +12,7 @@ from creative_nao.evaluation import job_handlers as worker
 from creative_nao.evaluation.job_handlers import HANDLERS
 from creative_nao.evaluation.jobs import Job, write_spec
 from creative_nao.evaluation.run import open_folder
-from creative_nao.explorer.state import Favourite, Session
+from creative_nao.explorer.favourites import Favourite, Session
 from creative_nao.model import NetworkSettings, TrainingSettings, checkpoint_of, train_many
 
 

@@ -10,7 +10,7 @@ from striking import FAULTS, SIGNALS, TWO, case_name, check_code, draw, end, las
 from struck_commands import RUN_FOLDER, explorer
 from whole_files import contents, remains
 
-from creative_nao.explorer.state import Favourite, Session
+from creative_nao.explorer.favourites import Favourite, Session
 
 N_TOUCHES = 6
 """Making the folder of the kept map and writing it: two folders, two openings, a renaming, a removal."""

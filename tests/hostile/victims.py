@@ -37,7 +37,7 @@ from creative_nao.evaluation.leaderboard import with_record
 from creative_nao.evaluation.results import read_results, write_results
 from creative_nao.evaluation.run import read_record, write_record
 from creative_nao.evaluation.suites import read_suite
-from creative_nao.explorer.state import Favourite, Session
+from creative_nao.explorer.favourites import Favourite, Session
 from creative_nao.maps import PBMap, pb_grid
 from creative_nao.model import Memory, NetworkSettings, TrainingSettings, train_network
 from creative_nao.model.training import TrainingState, load_checkpoint, save_checkpoint
@@ -86,7 +86,7 @@ READERS = {
         "motion_timeline",
         "motion_postures",
     ),
-    "creative_nao/explorer/state.py": ("session",),
+    "creative_nao/explorer/favourites.py": ("session",),
     "creative_nao/model/training.py": ("checkpoint",),
     "creative_nao/model/memory.py": ("memory",),
     "creative_nao/maps/map.py": ("map",),
@@ -104,11 +104,10 @@ OWN_FILES = {
     "creative_nao/evaluation/paper/page.py": "results it has just written",
     "creative_nao/evaluation/paper/summary.py": "figures it kept, done again when they do not fit",
     "creative_nao/evaluation/runner.py": "logs of its own jobs, and what they wrote",
-    "creative_nao/explorer/page.py": "its style sheet",
     "creative_nao/explorer/recordings.py": "the recording it has just written",
+    "creative_nao/explorer/robot_service.py": "the film it has just drawn",
+    "creative_nao/explorer/server.py": "files of the page, what it has just written",
     "creative_nao/explorer/static_export.py": "files of the page",
-    "creative_nao/explorer/teach_page.py": "its style sheets",
-    "creative_nao/explorer/teach_training.py": "the memory it has just written",
     "creative_nao/model/memory.py": "scores that ship",
     "creative_nao/robot/postures.py": "the postures, which ship",
     "creative_nao/runtime.py": "any file, for its hash only",

@@ -1,19 +1,27 @@
-"""The robot of the page: its shapes as JSON for the browser, its performances in physics, the player."""
+"""The robot of the page: its shapes as JSON for the browser, its performances in physics, films of them."""
 
 from __future__ import annotations
 
+import tempfile
 import threading
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
-from nicegui import ui
-from nicegui.elements.scene.scene_object3d import Object3D
 
 from creative_nao.joints import JOINTS
-from creative_nao.robot import Performance, Performer, Scene, first_failure
+from creative_nao.robot import (
+    Performance,
+    Performer,
+    Scene,
+    first_failure,
+    imagined_frames,
+    pictures,
+    write_gif,
+    write_mp4,
+)  # fmt: skip
+from creative_nao.robot.performance import has_fallen, tilt_rad
 
 # MuJoCo tells type checkers nothing about its members.
 # pyright: reportAttributeAccessIssue=false
@@ -90,11 +98,6 @@ class BrowserRobot:
         return {"dt": performance.frame_dt_s, "n": len(places), "tracks": tracks}
 
 
-def angles_message(trajectory: np.ndarray, dt_s: float) -> dict[str, Any]:
-    """Return a movement without physics as the browser takes it: the tick [s] and the angles, tick by tick [rad]."""
-    return {"dt": dt_s, "angles": np.round(trajectory, 5).tolist()}
-
-
 def _in_parent(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return place (nbody, 3) and turn (nbody, 4; w first) of each body in its parent."""
     places, turns = np.zeros((model.nbody, 3)), np.zeros((model.nbody, 4))
@@ -116,6 +119,12 @@ def _name(model: Any, body: int) -> str:
 def _shape(model: Any, geom: int) -> dict[str, Any]:
     material = int(model.geom_matid[geom])
     colour = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
+    texture = int(model.mat_texid[material].max()) if material >= 0 else -1
+    if texture >= 0:  # the page has none: its mean colour is what one sees from afar
+        start, n_channels = model.tex_adr[texture], model.tex_nchannel[texture]
+        size = model.tex_width[texture] * model.tex_height[texture] * n_channels
+        texels = model.tex_data[start : start + size].reshape(-1, n_channels)
+        colour = np.append(colour[:3] * texels[:, :3].mean(axis=0) / 255, colour[3])
     return {
         "kind": SHAPES[mujoco.mjtGeom(int(model.geom_type[geom]))],
         "size": _rounded(model.geom_size[geom]),
@@ -130,7 +139,11 @@ def _rounded(values: np.ndarray, digits: int = 6) -> list[float]:
     return np.round(np.asarray(values, dtype=np.float64), digits).tolist()
 
 
-class PhysicsService:
+FILM_FRAME_S = 0.1
+FILM_PX = 320
+
+
+class RobotService:
     """One robot for all tabs; performances happen one after the other."""
 
     def __init__(self) -> None:
@@ -138,52 +151,38 @@ class PhysicsService:
         self._lock = threading.Lock()
         self._performer: Performer | None = None
 
-    def perform(self, trajectory: np.ndarray, dt_s: float) -> tuple[dict[str, Any], str]:
-        """Perform joint angles [rad], shape (n_steps, 8), at a tick [s]; return a clip and the result in words."""
+    def perform(self, trajectory: np.ndarray, dt_s: float) -> dict[str, Any]:
+        """Perform joint angles [rad], shape (n_steps, 8), at a tick [s]; return a clip with what the body made of it.
+
+        `failure`: the first of `robot.PHYSICAL_FAILURES`, or None; `hits`: when [s] and with what force [N] the bag
+        was hit; `fell`: when the robot fell [s], or None; `error`: mean error of the worst joint [rad].
+        """
+        performance = self._perform(trajectory, dt_s)
+        assert performance.frames is not None
+        root = performance.frames[:, self.robot.scene.index.torso_qpos :][:, :7]
+        down = [frame for frame, row in enumerate(root) if has_fallen(row[2:3], tilt_rad(row[None, 3:]))]
+        return self.robot.clip(performance) | {
+            "failure": first_failure(performance),
+            "hits": [[round(time_s, 3), round(force_n, 1)] for time_s, force_n in performance.hits.moments],
+            "fell": round(down[0] * performance.frame_dt_s, 2) if down else None,
+            "error": round(float(performance.mean_error_rad.max()), 4),
+        }
+
+    def film(self, trajectory: np.ndarray, dt_s: float, ending: str, physics: bool) -> bytes:
+        """Return a film of a movement, with or without physics; `ending` is gif or mp4."""
+        if physics:
+            frames = self._perform(trajectory, dt_s).frames
+            assert frames is not None
+            frames = frames[:: max(1, round(FILM_FRAME_S / 0.05))]
+        else:
+            frames = imagined_frames(self.robot.scene, trajectory, dt_s, frame_dt_s=FILM_FRAME_S)
+        with self._lock, tempfile.TemporaryDirectory() as folder:
+            images = pictures(self.robot.scene, frames, camera="close", width=FILM_PX, height=FILM_PX, shadows=True)
+            write_film = write_gif if ending == "gif" else write_mp4
+            return write_film(images, Path(folder) / f"movement.{ending}", frame_dt_s=FILM_FRAME_S).read_bytes()
+
+    def _perform(self, trajectory: np.ndarray, dt_s: float) -> Performance:
         with self._lock:
             if self._performer is None:
                 self._performer = Performer(self.robot.scene)
-            performance = self._performer.perform(trajectory, dt_s, keep_frames=True)
-            clip = self.robot.clip(performance)
-        failure = first_failure(performance)
-        hits = performance.hits
-        hit = f"{hits.count} hits of the bag, hardest {hits.peak_force_n:.0f} N" if hits.count else "the bag is not hit"
-        verdict = f"the body refuses: {failure.replace('_', ' ')}" if failure else "the body can do it"
-        return clip, f"{verdict}; {hit}; mean error {performance.mean_error_rad.max():.3f} rad"
-
-
-STATIC = Path(__file__).with_name("static")
-
-
-class RobotView(Object3D, component=STATIC / "robot.js"):
-    """The robot in the scene of a tab; its argument is `BrowserRobot.description`."""
-
-    def perform(self, movement: dict[str, Any], ghost: dict[str, Any] | None = None) -> None:
-        """Let the browser play a movement, with the nearest basic action as a ghost."""
-        self.run_method("perform", movement, ghost)
-
-
-def robot_scene(robot: BrowserRobot, replay: Callable[[], object], label: str) -> RobotView:
-    """Lay out a scene with the robot; `replay` is called when it is ready, and again when the browser lost it."""
-    with ui.element("div").classes("cn-scene"):
-        ui.label("The robot needs WebGL. Without it, the sentence and the curves below still tell all.").classes(
-            "cn-behind"
-        )
-        camera = ui.scene.perspective_camera(fov=50)
-        scene = ui.scene(grid=False, fps=240, background_color="#c9d3de", camera=camera).classes("w-full h-full")
-        scene.props("role=img aria-label='" + label.replace("'", " ") + "'")
-        with scene:
-            shown = RobotView(robot.description)
-        scene.move_camera(x=0.62, y=-0.6, z=0.52, look_at_x=0.08, look_at_y=0, look_at_z=0.33, duration=0)
-        scene.on("init", replay)
-    return shown
-
-
-def player_controls() -> None:
-    """Lay out play, loop, speed, the time and its slider; the browser's player finds them by itself."""
-    for what in ("Play", "Loop", "Speed"):
-        ui.button(what).props(f"dense no-caps outline data-player={what.lower()}")
-    ui.element("input").classes("cn-scrub").props(
-        'type=range min=0 max=1000 value=0 data-player=scrub aria-label="Time"'
-    )
-    ui.element("span").props("data-player=clock").classes("text-sm")
+            return self._performer.perform(trajectory, dt_s, keep_frames=True)

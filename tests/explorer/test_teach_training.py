@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
-from creative_nao.errors import SettingsError
-from creative_nao.explorer.teach_training import MAX_EPOCHS, Trainer, TrainingSessions
+from creative_nao.errors import NotFoundError, SettingsError
+from creative_nao.explorer import training as explorer_training
+from creative_nao.explorer.training import MAX_EPOCHS, Trainer, TrainingSessions
 from creative_nao.model import TrainingSettings, train
 from creative_nao.model.training import CHUNK_EPOCHS
 
@@ -82,17 +83,39 @@ def test_what_cannot_be_learned_is_refused(demonstrations):
         Trainer(still, TrainingSettings(), threading.Semaphore(1))
 
 
-def test_a_trainer_that_no_tab_holds_is_stopped_and_forgotten(demonstrations):
+def test_a_trainer_that_no_page_asks_for_is_stopped_and_forgotten(demonstrations, monkeypatch):
     sessions = TrainingSessions()
     trainer = Trainer(demonstrations, TrainingSettings(), sessions.concurrency_limit)
-    key = sessions.add(trainer)
-    assert sessions.hold("no such name") is None
-    assert sessions.hold(key) is trainer
+    name = sessions.add(trainer)
+    with pytest.raises(NotFoundError, match="is gone"):
+        sessions.get("no such name")
     trainer.learn(MAX_EPOCHS)
-    sessions.release(key)
-    assert sessions.get(key) is trainer
+    sessions.sweep()
+    assert sessions.get(name) is trainer
     assert trainer.progress.busy
-    sessions.release(key)
-    assert sessions.get(key) is None
+    monkeypatch.setattr(explorer_training, "PATIENCE_S", -1.0)
+    sessions.sweep()
+    assert len(sessions) == 0
     assert ended(trainer).phase == "stopped"
-    sessions.release(key)  # twice does no harm
+
+
+def test_there_is_a_most_of_trainers(demonstrations, monkeypatch):
+    monkeypatch.setattr(explorer_training, "MAX_TRAINERS", 1)
+    sessions = TrainingSessions()
+    sessions.add(Trainer(demonstrations, TrainingSettings(), sessions.concurrency_limit))
+    with pytest.raises(SettingsError, match="1 memories are being taught"):
+        sessions.add(Trainer(demonstrations, TrainingSettings(), sessions.concurrency_limit))
+
+
+def test_what_is_learned_is_told_and_can_be_explored(demonstrations):
+    trainer = Trainer(demonstrations, TrainingSettings(), threading.Semaphore(1))
+    with pytest.raises(SettingsError, match="nothing has been learned yet"):
+        trainer.loaded()
+    trainer.learn(300)
+    ended(trainer)
+    told = trainer.as_json()
+    assert told["phase"] == "finished"
+    assert told["epoch"] == told["curve"][-1][0] == 300
+    assert len(told["distances"]) == len(told["names"]) == 2
+    assert told["map"]["n"] == explorer_training.WATCHED_RESOLUTION
+    assert trainer.loaded() is trainer.loaded()

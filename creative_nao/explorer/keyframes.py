@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Any
 
 import numpy as np
 
 from creative_nao.demonstrations import Demonstrations
-from creative_nao.demonstrations.keyframes import ACTIONS, DT_S, GUARD, Movement, both_arms, keyframes
-from creative_nao.errors import FileFormatError, SettingsError
-from creative_nao.explorer.memory_service import spoken
-from creative_nao.joints import JOINTS, MAX_SPEED_RAD_S, MIRROR_SIGN, N_JOINTS, limits
+from creative_nao.demonstrations.keyframes import ACTIONS, DT_S, Movement, keyframes
+from creative_nao.errors import SettingsError
+from creative_nao.explorer.registry import spoken
+from creative_nao.joints import JOINTS, MAX_SPEED_RAD_S, N_JOINTS, limits
 from creative_nao.measures import Criteria, dtw_matrix
-from creative_nao.schema import Field, must, parse, record
+from creative_nao.schema import Field, must, record
 
 MAX_DRAFTS = 8
 MAX_KEYS = 24
 MAX_DURATION_S = 12.0
 MIN_GAP_S = 0.05  # shortest time between two keys [s]
-MAX_TEXT = 60_000  # characters of the largest set as text
 _ROUNDING_RAD = 1e-9
 MIN_DURATION_S = 0.6
 MIN_EXCURSION_RAD = 0.1  # what the widest joint should travel at least [rad]
@@ -81,35 +80,6 @@ class Draft:
         """Return the joint angles at every tick [rad], shape (n_steps, 8); the last tick reaches the last key."""
         return self.movement().at(np.arange(int(np.ceil(round(self.duration_s / DT_S, 6))) + 1) * DT_S)
 
-    def with_key(self, time_s: float) -> tuple[Draft, int]:
-        """Add a key on the curve as it is, or behind its end, and return the draft and the key's place."""
-        time_s = round(float(time_s), 2)
-        added = Key(time_s, tuple(self.movement().at(np.array([time_s]))[0]))
-        keys = sorted([*self.keys, added], key=lambda key: key.time_s)
-        return replace(self, keys=tuple(keys)), next(k for k, key in enumerate(keys) if key.time_s == time_s)
-
-    def without_key(self, place: int) -> Draft:
-        """Remove a key; if it is the first, the next becomes the beginning."""
-        keys = self.keys[:place] + self.keys[place + 1 :]
-        start = keys[0].time_s if keys else 0.0
-        return replace(self, keys=tuple(Key(round(key.time_s - start, 2), key.posture) for key in keys))
-
-    def at_time(self, place: int, time_s: float) -> Draft:
-        """Move a key in time."""
-        return self._with(place, replace(self.keys[place], time_s=round(float(time_s), 2)))
-
-    def posed(self, place: int, joint: int, angle: float) -> Draft:
-        """Turn one joint of a key [rad], no farther than its range."""
-        low, high = limits()
-        posture = list(self.keys[place].posture)
-        posture[joint] = min(max(float(angle), low[joint]), high[joint])
-        return self._with(place, replace(self.keys[place], posture=tuple(posture)))
-
-    def mirrored(self, name: str) -> Draft:
-        """Return the same with the arms changed over."""
-        swapped = [np.concatenate([key.posture[4:], key.posture[:4]]) * np.tile(MIRROR_SIGN, 2) for key in self.keys]
-        return Draft(name, tuple(Key(key.time_s, tuple(p)) for key, p in zip(self.keys, swapped, strict=True)))
-
     def peak_speeds(self) -> np.ndarray:
         """Return the largest speed of each joint between two keys [rad/s], shape (n_keys - 1, 8)."""
         movement = self.movement()
@@ -137,9 +107,6 @@ class Draft:
             )
         return None
 
-    def _with(self, place: int, key: Key) -> Draft:
-        return replace(self, keys=(*self.keys[:place], key, *self.keys[place + 1 :]))
-
 
 @record
 class KeyframeSet:
@@ -155,16 +122,6 @@ class KeyframeSet:
         for name in names:
             if names.count(name) > 1:
                 raise SettingsError(f"two demonstrations are called {name}; a name may stand once")
-
-    def with_draft(self, place: int, draft: Draft) -> KeyframeSet:
-        """Put a draft at a place, which may be the one behind the last."""
-        return KeyframeSet((*self.drafts[:place], draft, *self.drafts[place + 1 :]))
-
-    def free_name(self, wish: str) -> str:
-        """Return the wish, or the wish with a number, such that no draft is called so."""
-        taken = {draft.name for draft in self.drafts}
-        tries = (wish[: 24 - len(tail)] + tail for tail in ("", *(f"_{k}" for k in range(2, MAX_DRAFTS + 2))))
-        return next(name for name in tries if name not in taken)
 
     def demonstrations(self) -> Demonstrations:
         """Return the drafts as basic actions at the tick."""
@@ -211,19 +168,20 @@ class KeyframeSet:
             [[d.name, [[k.time_s, *(round(a, 6) for a in k.posture)] for k in d.keys]] for d in self.drafts]
         )
 
+    def as_json(self) -> dict[str, Any]:
+        """Return what the page shows of the set: each movement, its fault, what the set lacks, and advice."""
+        return {
+            "dt": DT_S,
+            "movements": [draft.trajectory().round(5).tolist() for draft in self.drafts],
+            "faults": [draft.fault() for draft in self.drafts],
+            "shortcomings": self.shortcomings(),
+            "advice": self.advice()[:4],
+        }
+
     @classmethod
-    def from_text(cls, text: str) -> KeyframeSet:
-        """Read a set back; FileFormatError if it is none, SettingsError if it breaks a bound."""
-        if not isinstance(text, str) or len(text) > MAX_TEXT:
-            raise FileFormatError(f"key postures are text of at most {MAX_TEXT} characters")
-        rows = parse(Rows, text, "key postures")
-        return cls(tuple(Draft(name, tuple(Key(row[0], row[1:]) for row in keys)) for name, keys in rows))
-
-
-def blank(name: str = "my_move") -> Draft:
-    """Return a draft that holds the guard for a second and a half: something to begin with."""
-    guard = tuple(both_arms(GUARD, GUARD))
-    return Draft(name, (Key(0.0, guard), Key(1.5, guard)))
+    def from_rows(cls, rows: Sequence[tuple[str, Sequence[Sequence[float]]]]) -> KeyframeSet:
+        """Return a set from rows such as `to_text` writes; SettingsError if they break a bound."""
+        return cls(tuple(Draft(name, tuple(Key(row[0], tuple(row[1:])) for row in keys)) for name, keys in rows))
 
 
 def boxing() -> KeyframeSet:
@@ -234,3 +192,8 @@ def boxing() -> KeyframeSet:
         pairs = zip(movement.times_s.round(2), movement.postures, strict=True)
         drafts.append(Draft(name, tuple(Key(time_s, tuple(posture)) for time_s, posture in pairs)))
     return KeyframeSet(tuple(drafts))
+
+
+def ranges() -> list[list[float]]:
+    """Return the lowest and the highest angle of each joint [rad]."""
+    return np.stack(limits(), axis=1).tolist()
