@@ -17,45 +17,19 @@
 Names are loaded when first used, so that registering costs nothing.
 """
 
-# dm_control may be missing: pip cannot install it on Python 3.13.
-# pyright: reportMissingImports=false
 from __future__ import annotations
 
 import importlib
 import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import lazy_loader
 
 from creative_nao.errors import NotFoundError, nearest_name
 
-if TYPE_CHECKING:
-    from dm_control import composer
-
-    from creative_nao.envs.boxing_envs import (
-        BoxingEnv,
-        BoxingMentalEnv,
-        BoxingMentalVectorEnv,
-        BoxingModulationEnv,
-        BoxingModulationVectorEnv,
-        BoxingVectorEnv,
-    )
-    from creative_nao.envs.observation import Track
-    from creative_nao.envs.observation_wrappers import (
-        GridObservation,
-        GridVectorObservation,
-        SetObservation,
-        SetVectorObservation,
-    )
-    from creative_nao.envs.rehearsal_env import BoxingRehearsalEnv, BoxingRehearsalVectorEnv
-    from creative_nao.envs.sb3 import SB3VecEnv
-    from creative_nao.envs.state import EnvState
-
-__all__ = [
-    "ENVIRONMENTS", "TASKS", "VECTOR_ENVIRONMENTS", "BoxingEnv", "BoxingMentalEnv", "BoxingMentalVectorEnv",
-    "BoxingModulationEnv", "BoxingModulationVectorEnv", "BoxingRehearsalEnv", "BoxingRehearsalVectorEnv",
-    "BoxingVectorEnv", "EnvState", "GridObservation", "GridVectorObservation", "SB3VecEnv", "SetObservation",
-    "SetVectorObservation", "Track", "load", "register_environments",
-]  # fmt: skip
+__getattr__, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__all__ += ["ENVIRONMENTS", "TASKS", "VECTOR_ENVIRONMENTS", "load", "register_environments"]
 
 _LENGTHS = {
     "Boxing-v0": 30,
@@ -104,7 +78,7 @@ TASKS: dict[str, Callable[..., Any]] = {
 """Each task's name and what makes its environment."""
 
 
-def load(task: str = "boxing", **arguments: Any) -> composer.Environment:
+def load(task: str = "boxing", **arguments: Any) -> Any:
     """Return a task as a dm_control environment.
 
     Args:
@@ -122,16 +96,6 @@ def load(task: str = "boxing", **arguments: Any) -> composer.Environment:
     if task not in TASKS:
         raise NotFoundError(f"no task `{task}`{nearest_name(task, TASKS)}; there are {', '.join(TASKS)}")
     return TASKS[task](**arguments)
-
-
-def __getattr__(name: str) -> Any:
-    """Load a public name when it is first asked for."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    homes = {"EnvState": "state", "SB3VecEnv": "sb3", "Track": "observation"}
-    homes |= dict.fromkeys(("BoxingRehearsalEnv", "BoxingRehearsalVectorEnv"), "rehearsal_env")
-    home = "observation_wrappers" if name.endswith("Observation") else homes.get(name, "boxing_envs")
-    return getattr(importlib.import_module(f"{__name__}.{home}"), name)
 
 
 def __dir__() -> list[str]:

@@ -41,13 +41,13 @@ of knowledge (`envs.Track`) may be told. `GridObservation` draws the tries as an
 rows with a mask."""
 
 
-def _cells_table(**sizes: int) -> str:
+def _cells_table(**sizes: Any) -> str:
     """Return what `observation="cells"` holds; the arguments are those of `layout`."""
     parts = layout(**sizes)
     return f'`observation="cells"` (-v0): `Box({parts[-1].stop},) float32`.\n\n{layout_table(parts)}\n\n{_CELLS_TEXT}'
 
 
-def _tries_table(n_rows: int, n_decisions: int = 1, rehearsal: bool = False, **sizes: int) -> str:
+def _tries_table(n_rows: int, n_decisions: int = 1, rehearsal: bool = False, **sizes: Any) -> str:
     """Return what `observation="trajectories"` holds; the arguments are those of `layout`."""
     parts = layout(n_rows=n_rows, n_decisions=n_decisions, rehearsal=rehearsal, **sizes)
     columns = try_columns(n_decisions=n_decisions, rehearsal=rehearsal)
@@ -73,7 +73,7 @@ _COMMON_ARGUMENTS = """\
 | width | 640 | of frames, in pixels |
 | height | 480 | of frames, in pixels |
 | camera_name | `"close"` | camera of frames; also `"ringside"`, `"side"`, `"left"`, `"nao/top_camera"` |"""
-_MODULATED = {"n_joints": 8, "n_slow": 10}
+_MODULATED: dict[str, Any] = {"n_joints": 8, "n_slow": 10}
 _SHARED = {
     "actions": """\
 ## Action space

@@ -85,7 +85,7 @@ class ObservationPart:
 Parts = tuple[ObservationPart, ...]
 
 
-def _in_order(parts: list[tuple[str, int, float, str]]) -> Parts:
+def _in_order(parts: list[Any]) -> Parts:
     starts = np.cumsum([0, *(part[1] for part in parts)]).tolist()
     return tuple(ObservationPart(name, start, *rest) for (name, *rest), start in zip(parts, starts, strict=False))
 

@@ -74,7 +74,7 @@ class _GridView(_View):
 
     def __call__(self, observations: np.ndarray) -> np.ndarray:
         found, at = split(observations, self.parts, self.columns), self.at
-        images = np.zeros((len(observations), *self.space.shape), np.float32)  # pyright: ignore[reportGeneralTypeIssues]
+        images = np.zeros((len(observations), len(self.channels), *[self.resolution] * 2), np.float32)
         who, row = np.nonzero(found["tries"][..., 0])
         tries = found["tries"][who, row]
         outcome = at["outcome"].start
