@@ -39,6 +39,7 @@ def hostile_memory(tmp_path_factory):
     return memory.save(path)
 
 
+@pytest.mark.slow
 def test_commands_draw_any_name(hostile_memory, tmp_path, monkeypatch, attempt):
     attempt("figures", "mathematics, markup and template marks as names of actions", "drawn as text")
     monkeypatch.chdir(tmp_path)

@@ -157,6 +157,7 @@ def test_a_command_imports_nothing_from_the_current_folder(start, words, strange
     assert not (strange_folder / "ran").exists()
 
 
+@pytest.mark.slow
 def test_a_child_runs_the_very_package_that_starts_it(tmp_path):
     (tmp_path / "creative_nao").mkdir()
     (tmp_path / "creative_nao" / "__init__.py").write_text("raise SystemExit(3)")
