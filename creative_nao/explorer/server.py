@@ -18,7 +18,7 @@ import webbrowser
 from base64 import b64encode
 from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import anyio.to_thread
 import numpy as np
@@ -41,7 +41,8 @@ from creative_nao.explorer.registry import Computation, LoadedMemory, MemoryRegi
 from creative_nao.explorer.robot_service import RobotService
 from creative_nao.explorer.training import Trainer, TrainingSessions
 from creative_nao.joints import JOINTS, N_JOINTS
-from creative_nao.model import TrainingSettings
+from creative_nao.model import TrainingSettings, condition_settings
+from creative_nao.model.config import AUTO
 from creative_nao.schema import Field, Text, dump, parse, record
 
 STATIC = Path(__file__).with_name("static")
@@ -93,7 +94,7 @@ class TrainRequest:
     """Demonstrations as rows of keyframes, and how a memory is trained on them; `taught` goes on with a trainer."""
 
     drafts: Rows
-    ratio: Annotated[float, Field(ge=0, le=1)] = 0.5
+    condition: Literal["open", "half", "closed", "auto"] = "auto"
     epochs: Annotated[int, Field(ge=100, le=300_000)] = 30_000
     seed: Annotated[int, Field(ge=0, le=999_999)] = 0
     taught: Text = ""
@@ -288,7 +289,8 @@ class Explorer:
         keyframes = KeyframeSet.from_rows(asked.drafts)
         if faults := keyframes.shortcomings():
             raise SettingsError(faults[0])
-        training = TrainingSettings(closed_loop_ratio=asked.ratio, seed=asked.seed)
+        chosen = AUTO if asked.condition == "auto" else condition_settings(asked.condition, {})
+        training = TrainingSettings(seed=asked.seed, **chosen)
         trainer = Trainer(keyframes.demonstrations(), training, self.sessions.concurrency_limit)
         name = self.sessions.add(trainer)
         trainer.learn(asked.epochs)

@@ -96,7 +96,7 @@ function lay() {
       button("Stop", () => control("POST"), { id: "teach-stop", hidden: true }), button("Go on", goOn, { id: "go-on", hidden: true }),
     ]),
     make("details", {}, [make("summary", {}, "More settings"), make("div", { className: "row" }, [
-      make("label", {}, ["While it trains, it predicts from ", select("ratio", [[0, "what it is shown"], [0.5, "half and half"], [1, "its own prediction"]], 0.5)]),
+      make("label", {}, ["While it trains, it predicts from ", select("condition", [["auto", "its own prediction, from one start (auto)"], ["open", "what it is shown"], ["half", "half and half"], ["closed", "its own prediction"]], "auto")]),
       make("label", {}, ["Seed ", make("input", { id: "seed", size: 6, value: "0", inputMode: "numeric" })]),
     ])]),
     make("p", { id: "training", role: "status" }),
@@ -360,7 +360,7 @@ async function physics() {
 
 async function train() {
   const seed = Number($("seed").value);
-  const asked = { drafts: teaching.drafts, ratio: Number($("ratio").value), epochs: Number($("epochs").value), seed: Number.isInteger(seed) && seed >= 0 ? seed : 0 };
+  const asked = { drafts: teaching.drafts, condition: $("condition").value, epochs: Number($("epochs").value), seed: Number.isInteger(seed) && seed >= 0 ? seed : 0 };
   const begun = await waiting(() => source.send("train", asked), $("train"));
   if (!begun) return;
   teaching.taught = begun.taught;
@@ -412,6 +412,6 @@ async function trained({ phase, text, curve, epochs, map, names, distances, thre
   if (!distances) return;
   const back = distances.filter((distance) => distance <= threshold).length;
   $("result").textContent = `${back} of ${distances.length} demonstrations come back as they were shown${back < distances.length
-    ? `; not yet: ${names.filter((_, k) => distances[k] > threshold).join(", ")}. Go on training, or make them more different` : ""}.`;
+    ? `; not yet: ${names.filter((_, k) => distances[k] > threshold).join(", ")}. ${$("condition").value === "auto" ? "Go on training, try another seed, or make them more different" : "Train with auto, or go on training"}` : ""}.`;
   show();
 }
