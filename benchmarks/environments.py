@@ -1,6 +1,6 @@
 """How fast are the environments?
 
-    python benchmarks/environments.py [--rounds 7] [--only mental|boxing|modulation]
+    python benchmarks/environments.py [--rounds 7] [--only mental|boxing|modulation|imagining]
 
 All in one process, by turns; printed are medians over the rounds. Speeds of one environment are per second of CPU time,
 since wall time depends on what else the machine does. Vector environments use threads: their wall time is compared with
@@ -92,6 +92,22 @@ def modulation(rounds: int) -> None:
     compare(single, vector, rounds, (1000, 50), "BoxingModulation-v0 (decisions)")
 
 
+def imagining(rounds: int) -> None:
+    """Print what a movement imagined costs, one at a time and many at once, beside 36 known ones."""
+    player = Player(gym.make(MENTAL, n_actions=10**9, n_imagined=10**9))
+    player._archive.sizes[:] = 6 + N_KNOWN
+    for n in (1, 8, 64, 512):
+        points, n_calls = np.random.default_rng(0).uniform(-1, 1, (n, 2)), max(1, 256 // n)
+
+        def imagine(points=points, n_calls=n_calls) -> None:
+            for _ in range(n_calls):
+                player._inner.imagine(points)
+
+        imagine()
+        cpu = statistics.median(clocks(imagine)[1] for _ in range(rounds)) / n / n_calls
+        print(f"imagining, {n} at once: {1e3 * cpu:.3f} ms of CPU time a movement")
+
+
 def boxing(rounds: int) -> None:
     single = Player(gym.make(BOXING, n_actions=10**9))
     vector = Player(make_vec(BOXING, 16), 16)
@@ -149,9 +165,10 @@ def make_vec(name: str, n: int):
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=7, help="rounds; the median is printed")
-    parser.add_argument("--only", choices=["mental", "boxing", "modulation"], help="one of them")
+    parser.add_argument("--only", choices=["mental", "boxing", "modulation", "imagining"], help="one of them")
     options = parser.parse_args()
-    for name, measure in (("mental", mental), ("boxing", boxing), ("modulation", modulation)):
+    for measure in (mental, boxing, modulation, imagining):
+        name = measure.__name__
         if options.only in (None, name):
             measure(options.rounds)
 
