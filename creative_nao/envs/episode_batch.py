@@ -253,18 +253,10 @@ class EpisodeBatch:
         return reward, terms, finished, finished_terms
 
     def imagine(self, env_ids: np.ndarray, pb: np.ndarray) -> dict[str, np.ndarray]:
-        """Generate and score movements without performing them; of the episodes only the count changes.
+        """Imagine, in environments (m,), PB points (m, n_pb), (m, k, n_pb) or paths (m, k, n_decisions, n_pb).
 
-        Args:
-            env_ids: Which environments imagine, shape (m,), rising.
-            pb: PB points in [-1, 1], (m, n_pb) or (m, k, n_pb), or the PB vectors of all decisions,
-                (m, k, n_decisions, n_pb).
-
-        Returns:
-            The terms of `info` as they would be if each was performed as it is generated: arrays (m, ...), (m, k, ...).
-
-        Raises:
-            SettingsError: If one of the environments has fewer than k movements left to imagine; then none is imagined.
+        Returns the terms of `info`, arrays (m, ...) or (m, k, ...); only the count changes. What is beyond the budget
+        of one of them is a SettingsError, and nothing is imagined.
         """
         k = pb.shape[1] if pb.ndim > 2 else 1
         _, terms = self._imagine(env_ids.repeat(k), pb.reshape(-1, *pb.shape[2 if pb.ndim > 2 else 1 :]))

@@ -347,15 +347,9 @@ class ObservationBatch:
         terms: dict[str, np.ndarray],
         scale: np.ndarray,
     ) -> None:
-        """Write the result of one action of each episode.
+        """Write one action of each of these episodes, (m,): which try it is, its PB vectors (m, n, n_pb), its result.
 
-        Args:
-            env_ids: Which episodes, shape (m,).
-            rows: The how manieth try each is, from 0, shape (m,).
-            pb: The PB vectors of the action in [-1, 1], shape (m, n, n_pb): one, or several where the PB changed.
-            outcome: Index of each outcome in `ALL_OUTCOMES`, shape (m,).
-            terms: `nearest`, `distance`, `known_distance`, `basic_distances` and `reward_novelty` of `info`.
-            scale: Unit of the reward [rad], shape (m,).
+        `outcome` is an index in `ALL_OUTCOMES`, `terms` are those of `info`, `scale` is the unit of the reward [rad].
         """
         vectors, starts, reward = self._vectors, self._starts, terms["reward_novelty"]
         if "tries" in self._at:

@@ -123,12 +123,6 @@ class RolloutBatch:
 class CandidateBatch:
     """The best movement that each of `n_envs` robots imagined since it performed one; if none is usable, the last.
 
-    Args:
-        n_envs: How many robots.
-        n_steps: Ticks of a movement.
-        n_joints: Joints.
-        n_pb: PB units.
-
     Attributes:
         row: The how manieth imagined movement of the episode it is, from 0; -1 before there is one, shape (n_envs,).
     """

@@ -125,19 +125,11 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
         return self._batch.n_imagined_done.copy()
 
     def imagine(self, pb: np.ndarray, env_ids: Any = None) -> dict[str, np.ndarray]:
-        """Generate and score movements without performing them, as the single environment's `imagine` does.
+        """Generate and score movements without performing them; see `imagine` of the single environment.
 
-        Args:
-            pb: What each of the sub-environments imagines: (m, n_pb), (m, n, n_pb) for n movements each, or, where the
-                PB may change during a movement, (m, n, n_decisions, n_pb).
-            env_ids: Which sub-environments, m rising numbers; None for all.
-
-        Returns:
-            The terms that `info` would have if they were performed, arrays (m, ...) or (m, n, ...).
-
-        Raises:
-            ShapeError: If `pb` has another shape or is not finite.
-            SettingsError: If `env_ids` are no such numbers, or one has less left of its budget; then none imagines.
+        `pb` and what is returned have the sub-environment in front: (m, n_pb) or (m, n, n_pb), and (m, ...) or
+        (m, n, ...). `env_ids` are m rising numbers of sub-environments, None for all; others raise SettingsError. If
+        one has less left of its budget, none imagines.
         """
         who = np.arange(self.num_envs) if env_ids is None else np.asarray(env_ids)
         fits = who.ndim == 1 and who.size > 0 and who.dtype.kind in "iu"
