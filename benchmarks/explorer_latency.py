@@ -73,7 +73,7 @@ def measure(running, url: str, n_clicks: int) -> tuple[np.ndarray, float, float]
                 place = [box["x"] + x * box["width"], box["y"] + y * box["height"]]
                 took.append(page.evaluate(TIMED, [*place, kind]))
                 page.wait_for_timeout(PAUSE_MS)
-        page.mouse.move(2, 2)
+        page.evaluate("() => document.querySelector('#map').dispatchEvent(new PointerEvent('pointerleave'))")
         shares = []
         for act in ("play", "pause"):
             page.evaluate(f"() => explorer.player.{act}()")

@@ -75,10 +75,17 @@ def test_the_pointer_shows_a_card_with_a_small_robot(visit, server):
 
 def test_an_idle_page_draws_nothing(visit, server):
     tab = visit(server.url, plays=True)
+    for x in (0.30, 0.31):
+        tab.page.mouse.move(*tab.place(x, 0.3))  # the card plays, too
+    tab.click_map(0.3, 0.3)
     tab.resting()
-    frames = tab("() => explorer.panels[0].stage.frames")
-    tab.page.wait_for_timeout(700)
-    assert tab("() => explorer.panels[0].stage.frames") == frames
+    asked = """() => {
+        let n = 0;
+        const ask = globalThis.requestAnimationFrame;
+        globalThis.requestAnimationFrame = (call) => (n++, ask(call));
+        return new Promise((done) => setTimeout(() => done(n), 700));
+    }"""
+    assert tab(asked) == 0
 
 
 def test_keys_work_wherever_the_focus_is(visit, server):

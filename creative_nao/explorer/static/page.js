@@ -174,7 +174,7 @@ function undo(from, to) {
 
 let pending = null;
 function press(pb) {
-  $("card").hidden = true;
+  hideCard();
   if (app.drawing) return void (app.drawing = [pb]);
   show([pb]);
 }
@@ -206,14 +206,15 @@ function setDrawing(on) {
 
 let carded = 0;
 let small = null;
+function hideCard() {
+  cancelAnimationFrame(carded);
+  $("card").hidden = true;
+  small?.player.pause();
+}
+
 function card(panel, pb, event) {
   cancelAnimationFrame(carded);
-  const away = !pb || app.drawing;
-  if (away) {
-    $("card").hidden = true;
-    if (small) small.player.pause();
-    return;
-  }
+  if (!pb || app.drawing) return hideCard();
   carded = requestAnimationFrame(() => {
     const recall = panel.memory.recall([pb]);
     const told = panel.memory.describe(recall);

@@ -1,0 +1,40 @@
+"""axe-core finds no violation in any page, light or dark, with everything open."""
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+
+
+def violations(tab):
+    """Return what axe-core finds, with the elements."""
+    found = Axe().run(tab.page).response["violations"]
+    return [(one["id"], [node["target"] for node in one["nodes"]][:4]) for one in found]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_has_no_violation(visit, server, scheme):
+    tab = visit(f"{server.url}?x=0.3&y=0.2", color_scheme=scheme)
+    tab.press("Keep as favourite")
+    tab.page.locator(".favourite").wait_for()
+    assert violations(tab) == []
+    tab.press("Details")
+    tab.page.mouse.move(*tab.place(0.3, 0.3))
+    assert violations(tab) == []
+    tab.page.keyboard.press("Escape")
+    tab.page.keyboard.press("?")
+    assert violations(tab) == []
+    tab.page.keyboard.press("Escape")
+    tab("() => document.documentElement.removeAttribute('lang')")
+    assert [name for name, _ in violations(tab)] == ["html-has-lang"]  # it looks
+
+
+def test_the_teaching_page_has_no_violation(visit, server):
+    tab = visit(f"{server.url}teach")
+    tab.until("() => document.querySelector('#teach-status').textContent")
+    for summary in tab.page.locator("summary").all():
+        summary.click()
+    assert violations(tab) == []
+
+
+def test_the_phone_has_no_violation(visit, server):
+    tab = visit(server.url, size=(390, 844), has_touch=True, is_mobile=True)
+    assert violations(tab) == []

@@ -1,0 +1,78 @@
+"""The page as one file: it works from a disk, asks for nothing, and text from a memory runs nothing."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from creative_nao.explorer.static_export import bundled, page, write_page
+from creative_nao.model import load_memory
+
+EVIL = (
+    "<img src=x onerror=document.title='A1'>", "</script><script>document.title='A2'</script>", "{{7*7}}",
+    "\"><svg onload=document.title='A4'>", "`${document.title='A5'}`", "<!--<script>",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """A file of a memory whose names are markup."""
+    memory = load_memory("half/0")
+    actions = dataclasses.replace(memory.demonstrations, names=EVIL)
+    evil = dataclasses.replace(memory, demonstrations=actions, name=EVIL[0])
+    return write_page(evil, tmp_path_factory.mktemp("file") / "page.html", 20)
+
+
+def test_it_plays_from_a_disk_and_names_from_a_memory_are_text(visit, file, attempt):
+    attempt("`explore --html`", "a memory whose names are HTML and scripts", "shown as text, nothing runs")
+    tab = visit(file.as_uri())
+    assert all(url.startswith(("file:", "data:")) for url in tab.requests)
+    tab.page.keyboard.press("1")
+    tab.press("Details")
+    tab.until("(name) => document.querySelector('#resembles').textContent.includes(name)", EVIL[0])
+    assert EVIL[0] in tab.status
+    assert tab.page.locator("img[onerror], svg[onload]").count() == 0
+    assert "A1" not in tab.page.title().replace(EVIL[0], "")
+    assert tab.page.locator(".served:visible").count() == 0
+    points = tab.points
+    tab.press("Surprise me")
+    assert tab.points != points
+    tab.press("Keep as favourite")
+    tab.page.locator(".favourite").wait_for()
+
+
+def test_only_its_own_scripts_may_run(visit, file):
+    tab = visit(file.as_uri())
+    ran = tab("""() => {
+        const script = document.createElement("script");
+        script.textContent = "window.ran = true";
+        document.body.append(script);
+        const frame = document.createElement("img");
+        frame.setAttribute("onerror", "window.ran = true");
+        frame.src = "data:,x";
+        document.body.append(frame);
+        return new Promise((done) => setTimeout(() => done(window.ran ?? false), 300));
+    }""")
+    assert ran is False
+    assert any("Content Security Policy" in error for error in tab.errors)
+    tab.errors.clear()
+
+
+def test_the_file_generates_as_the_package(visit, file):
+    memory = load_memory("half/0")
+    points = np.random.default_rng(1).uniform(-1, 1, (20, 2))
+    tab = visit(file.as_uri())
+    angles = tab(
+        "(points) => points.map((pb) => explorer.panels[0].memory.recall([pb]).angles.map((row) => [...row]))",
+        points.tolist(),
+    )
+    assert np.abs(np.array(angles) - memory.generate(points)).max() < 1e-3
+
+
+def test_the_bundle_has_no_imports_left_and_its_policy_no_holes():
+    script = bundled()
+    assert not re.search(r"^(import|export) ", script, re.MULTILINE)
+    policy = re.search(r'Content-Security-Policy" content="([^"]+)"', page("name", {}))[1]
+    assert "unsafe" not in policy
+    assert "default-src 'none'" in policy
