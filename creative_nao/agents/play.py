@@ -117,8 +117,9 @@ class Score:
 
 
 def play_episode(
-    agent: Agent, env: gym.Env, *, seed: int, rng: np.random.Generator, n_actions: int | None = None
-) -> Iterator[Step]:
+    agent: Agent, env: gym.Env, *, seed: int, rng: np.random.Generator, n_actions: int | None = None,
+    options: dict[str, Any] | None = None,
+) -> Iterator[Step]:  # fmt: skip
     """Let an agent play one episode and yield every step as it is made.
 
     Args:
@@ -129,6 +130,7 @@ def play_episode(
         n_actions: The budget in movements, which has to be the length of the environment's episode; None takes over
             what the environment says, and plays to its end. Where a movement takes several decisions, the agent is
             asked for each. How many movements may be imagined is what the environment was made with, `n_imagined`.
+        options: Those of the environment's `reset`.
 
     Raises:
         SettingsError: If the spaces are no boxes, the episode is shorter or longer than `n_actions`, or the
@@ -138,7 +140,7 @@ def play_episode(
     check_kind(env, gym.Env, "env")
     if not isinstance(env.action_space, Box) or not isinstance(env.observation_space, Box):
         raise SettingsError(f"environment {env} should have Box spaces, but has {env.action_space}")
-    observation, _ = env.reset(seed=seed)
+    observation, _ = env.reset(seed=seed, options=options)
     inner: Any = env.unwrapped
     budget = getattr(inner, "n_actions", _USUAL_BUDGET) if n_actions is None else n_actions
     budget *= int(getattr(inner, "n_decisions", 1))
@@ -182,7 +184,7 @@ def _imaginer(env: gym.Env) -> Callable[[np.ndarray, bool], list[dict[str, Any]]
     def imagine(pb: np.ndarray, with_body: bool) -> list[dict[str, Any]]:
         if with_body and getattr(inner, "physics", False):
             if not twins:
-                twins.append(gym.make(env.spec).unwrapped)  # pyright: ignore[reportArgumentType]
+                twins.append(gym.make(inner.spec).unwrapped)  # pyright: ignore[reportArgumentType]
             state, found = inner.get_state(), []
             for point in pb:
                 twins[0].set_state(state)
@@ -211,7 +213,7 @@ def make_env(env_id: str, memory: Any, agent: Agent, n_actions: int | None = Non
         return gym.make(env_id, memory=memory)
     given: dict[str, Any] = {} if n_actions is None else {"n_actions": n_actions}
     if not env_id.endswith("-v0"):
-        given["observation"] = min(Track(agent.track), Track.TRAJECTORIES)
+        given["observation"] = str(min(Track(agent.track), Track.TRAJECTORIES))
     if agent.n_candidates > 1:
         given["n_imagined"] = agent.n_candidates * (n_actions or _USUAL_BUDGET)
     return gym.make(env_id, memory=memory, **given)

@@ -15,6 +15,7 @@ from creative_nao import storage
 from creative_nao.agents.base import PolicyAgent
 from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, machine, replay, save_bundle
 from creative_nao.agents.play import PlayedEpisode, Score, check_env, evaluate_agent, evaluate_policy
+from creative_nao.agents.record import FOLDER, record_dataset
 from creative_nao.agents.registry import make_agent
 from creative_nao.agents.resume import TrainingRecord
 from creative_nao.agents.settings import find_algorithm, read_hyperparameters
@@ -250,6 +251,50 @@ def run_episodes(settings: RunAgentSettings) -> int:
     return 0
 
 
+@dataclasses.dataclass(frozen=True)
+class RecordAgentSettings:
+    """Write episodes of an agent as a Minari dataset, for offline reinforcement learning (extra `minari`).
+
+    With MINARI_DATASETS_PATH set to --out, Minari's own tools read it: `minari list local`, `minari.load_dataset`.
+    """
+
+    agent: tyro.conf.Positional[str]
+    """Shipped name, path of a bundle, name of an untrained agent such as random, or module:factory of your own; with @8
+    it looks at eight movements, by imagining them, for each one it performs."""
+    out: Path
+    """Folder of datasets."""
+    env: str = "CreativeNao/BoxingMental-v0"
+    """Environment."""
+    memory: str = "train"
+    """Memory by name or file, or a part of the bank: train, validation, test."""
+    seed: int = 0
+    """Seed of the first episode of each memory; every further episode has the next one."""
+    episodes: int = 1
+    """Episodes of each memory."""
+    dataset: str | None = None
+    """Name of the dataset, as Minari has them; default: creative_nao/ENVIRONMENT/AGENT-v0."""
+    json: bool = False
+    """Print the figures as JSON."""
+
+
+def run_record(settings: RecordAgentSettings) -> int:
+    """Play, write the dataset and print where it is."""
+    seeds = range(settings.seed, settings.seed + checked(Count, settings.episodes, "--episodes"))
+    agent, env_name = make_agent(settings.agent), settings.env.rpartition("/")[2].rpartition("-v")[0]
+    plain = "".join(letter if letter.isalnum() else "_" for letter in settings.agent)
+    name = settings.dataset or f"creative_nao/{env_name}/{plain}-v0"
+    n_episodes = len(memories_of(settings.memory)) * len(seeds)
+    with Display({"recording": n_episodes}) as display:
+        path = record_dataset(
+            agent, settings.env, settings.memory, seeds, settings.out, name,
+            progress=lambda done: display.show("recording", done),
+        )  # fmt: skip
+    figures = {"dataset": name, "path": str(path), "agent": settings.agent, "n_episodes": n_episodes}
+    line = f"{path}: {n_episodes} episodes; read by minari.load_dataset({name!r}) with {FOLDER}={settings.out}"
+    print_result(figures, [line], as_json=settings.json)
+    return 0
+
+
 def _replay(trained: TrainedPolicy, settings: RunAgentSettings) -> int:
     recorded = trained.header.score
     if recorded is not None and recorded.env != settings.env:
@@ -346,8 +391,10 @@ def run_tune(settings: TuneAgentSettings) -> int:
     return 0
 
 
-def run(settings: TrainAgentSettings | RunAgentSettings | TuneAgentSettings) -> int:
+def run(settings: TrainAgentSettings | RunAgentSettings | RecordAgentSettings | TuneAgentSettings) -> int:
     """Run the command chosen."""
+    if isinstance(settings, RecordAgentSettings):
+        return run_record(settings)
     if isinstance(settings, TrainAgentSettings):
         return run_train(settings)
     return run_episodes(settings) if isinstance(settings, RunAgentSettings) else run_tune(settings)

@@ -120,6 +120,7 @@ COMMANDS = {
     "agent train": ("agent", "TrainAgentSettings", "train an agent that learns to explore a memory"),
     "agent tune": ("agent", "TuneAgentSettings", "search hyperparameters on validation memories"),
     "agent run": ("agent", "RunAgentSettings", "let an agent play and print what it earned"),
+    "agent record": ("agent", "RecordAgentSettings", "write an agent's episodes as a Minari dataset"),
     "explore": ("explore", "ExploreSettings", "touch a memory in the browser and watch the robot do what is there"),
     "evaluate": ("evaluate", "EvaluateSettings", "compare agents on a suite; ends with a table and a report"),
     "evaluate paper": ("evaluate_paper", "PaperOptions", "reproduce the paper, claim by claim"),
