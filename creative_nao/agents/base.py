@@ -41,14 +41,9 @@ class Info(dict[str, Any]):
 
 
 class Imagination:
-    """Imagines movements in the running episode, as many as the budget allows, and counts them.
+    """Imagines movements in the running episode, up to the budget `n_imagined`, and counts them in `n_used`.
 
-    Args:
-        imagine: Takes PB vectors (n, n_pb) and whether the body takes part; returns the terms of `info` of each.
-        n_imagined: The budget.
-
-    Attributes:
-        n_used: Movements imagined so far.
+    `imagine` takes PB vectors (n, n_pb) and whether the body takes part, and returns the terms of `info` of each.
     """
 
     def __init__(self, imagine: Callable[[np.ndarray, bool], Sequence[Mapping[str, Any]]] | None, n_imagined: int):
@@ -227,10 +222,7 @@ class Agent(ABC):
         self.learn(pb, observation, reward, Info(self.context.track.visible(info)))
 
     def look_ahead(self, observation: np.ndarray, n: int) -> list[tuple[np.ndarray, Info]]:
-        """Propose `n` PB vectors, imagine each and return them with what would become of them.
-
-        One after another, unless a subclass says otherwise: each is told before the next one is asked for.
-        """
+        """Propose `n` PB vectors, imagine each before the next, and return them with what would become of them."""
         found = []
         for _ in range(n):
             pb = self.ask(observation)
@@ -429,7 +421,7 @@ class PolicyAgent(Agent):
 
 
 def as_track(value: Any, name: str) -> Track:
-    """Return a track given as text; anything else is a `SettingsError` that begins with `name`."""
+    """Return a track given as text; anything else is a `SettingsError`."""
     try:
         return Track(value)
     except ValueError:

@@ -389,12 +389,6 @@ def _mean_over(rows: Sequence[Row], field: str) -> float | None:
     return None if None in values else math.fsum(values) / len(values)
 
 
-def curve_place(agent: str) -> int:
-    """Return how many candidates a point of the random curve looks at; 0 for any other agent."""
-    base, number = split_name(agent)
-    return number or 0 if base == CURVE else 0
-
-
 def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: int) -> dict[str, Any]:
     own, others = ([row for row in rows if (row["env"], row["agent"]) == (env, who)] for who in (agent, baseline))
     rewards, best = _rewards(own), [row["oracle_reward"] for row in own]
@@ -420,10 +414,9 @@ def _entry(rows: Sequence[Row], env: str, agent: str, baseline: str, base_seed: 
         "profile": None,
         "versus": None,
     }
-    curve = [
-        (number, _rewards([row for row in rows if (row["env"], row["agent"]) == (env, f"{CURVE}@{number}")]))
-        for number in sorted({curve_place(row["agent"]) for row in rows} - {0})
-    ]
+    numbers = sorted({k for base, k in (split_name(row["agent"]) for row in rows) if base == CURVE and k is not None})
+    on_curve = {k: [r for r in rows if (r["env"], r["agent"]) == (env, f"{CURVE}@{k}")] for k in numbers}
+    curve = [(k, _rewards(some)) for k, some in on_curve.items() if some]
     if len(curve) > 1 and all(one.shape[1:] == rewards.shape[1:] for _, one in curve):
         entry |= {"worth": worth(rewards, curve, rng=rng("worth")), "worth_most": curve[-1][0]}
     if all(best):  # every memory has an oracle, which earns something

@@ -1,5 +1,8 @@
 """Two budgets and four tracks: agents imagine as much as they may, and are told what their track is told."""
 
+import sys
+from pathlib import Path
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -134,6 +137,18 @@ def test_imagining_with_the_body_loses_no_movement():
     steps = play(make_agent(agent), *names, n_actions=5)
     assert all(step.info["appropriate"] for step in steps)
     assert 5 * 9 <= steps[-1].n_imagined <= 5 * 16
+
+
+def test_the_surrogate_of_the_tutorial_finds_more_than_random_points():
+    """By a fifth, on a memory where the effect is half; `test_docs.py` runs the tutorial's commands."""
+    sys.path.insert(0, str(Path(__file__).parents[2]))
+    from examples.my_surrogate import MySurrogate
+
+    few, many = (
+        sum(total(play(agent, memory="half/11", seed=seed, n_actions=30)) for seed in range(3))
+        for agent in (make_agent("random"), MySurrogate())
+    )
+    assert many > 1.2 * few
 
 
 def test_a_name_tells_how_many_movements_are_looked_at():
