@@ -195,8 +195,8 @@ def read_end(path: Path, most: int) -> str:
 MAX_TEXT_BYTES = 64_000_000  # largest JSON file, a run folder's results; smaller limits are given where they are known
 MAX_DEPTH = 64  # lists and objects within each other that JSON may have
 MAX_DIGITS = 40  # of a whole number in JSON; the state of a random generator has 39
-MAX_JSON_GROUPS = 500_000  # lists and objects of a JSON file; one of three bytes takes a hundred in memory
-MAX_JSON_VALUES = 4_000_000
+MAX_JSON_GROUPS = 250_000  # lists and objects of a JSON file; one of three bytes takes a hundred in memory
+MAX_JSON_VALUES = 2_000_000
 MAX_YAML_BYTES = 2_000_000
 MAX_YAML_VALUES = 250_000  # scalars, lists and mappings of a YAML file, with its aliases written out
 

@@ -159,6 +159,9 @@ class TrainingCallback(EpisodeRecorder):
         self.logger.record("validation/mean_reward", sum(rewards) / len(rewards))
 
 
+MAX_LOG_BYTES = 8_000_000
+
+
 class ProgressTable(KVWriter):
     """Keeps what the algorithm logs as the rows of one CSV file; those up to `n_decisions` are kept if it is there."""
 
@@ -181,7 +184,7 @@ class ProgressTable(KVWriter):
 
 def read_log(path: Path) -> list[dict[str, Any]]:
     """Return the rows of a log; a `FileFormatError` if it is none."""
-    text = storage.read_text(path, "log of a training")
+    text = storage.read_text(path, "log of a training", MAX_LOG_BYTES)
     try:
         rows = [dict(row) for row in csv.DictReader(io.StringIO(text, newline=""))]
     except csv.Error as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +14,12 @@ import tyro
 
 from creative_nao.errors import FileFormatError, MissingDependencyError, NotFoundError, SettingsError, printable, shown
 from creative_nao.model import load_memory
-from creative_nao.storage import read_text
+from creative_nao.runtime import sha256
+from creative_nao.storage import note_unsealed, read_text
 
 INSTALL = 'pip install "creative-nao[explore]"'
 MAX_AGENT_POINTS = 5000
+MAX_LINE = 100_000  # characters of the first line of a table
 CHOSEN = ("pb_1", "pb_2")
 """Columns with the PB point of an action."""
 
@@ -94,7 +97,12 @@ def choices(folder: Path) -> np.ndarray:
     path = folder / "episodes.csv"
     if not path.is_file():
         raise NotFoundError(f"no {path}; --run takes a folder that `creative-nao evaluate` wrote")
-    reader = csv.DictReader(io.StringIO(read_text(path, "table of episodes"), newline=""))
+    text = read_text(path, "table of episodes")
+    if text.find("\n", 0, MAX_LINE) < 0:
+        raise FileFormatError(f"{path}: its first line should have at most {MAX_LINE} characters")
+    _check_sum(path)
+    # Empty lines count too: a file of nothing else is not read to its end.
+    reader = csv.DictReader(itertools.islice(io.StringIO(text, newline=""), 2 * MAX_AGENT_POINTS))
     points = []
     try:
         for name in CHOSEN:
@@ -109,6 +117,17 @@ def choices(folder: Path) -> np.ndarray:
         raise FileFormatError(f"{path}: line {reader.line_num}: not a line of CSV ({error})") from None
     found = np.array(points, dtype=np.float64).reshape(-1, len(CHOSEN))
     return found[(np.abs(found) <= 1).all(axis=1)]  # an agent may ask for a point that is on no map
+
+
+def _check_sum(path: Path) -> None:
+    """Compare a table of a run folder with the hash that `run.json` has of it."""
+    from creative_nao.evaluation.run import RECORD, read_record
+
+    told = read_record(path.parent).get("hashes") if (path.parent / RECORD).is_file() else None
+    if not isinstance(told, dict) or path.name not in told:
+        note_unsealed(f"table of episodes {path}")
+    elif told[path.name] != sha256(path):
+        raise FileFormatError(f"{path}: damaged, or changed by hand: it does not fit its SHA-256 in {RECORD}")
 
 
 def _coordinate(cell: str | None, where: str) -> float:

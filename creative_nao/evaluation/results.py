@@ -41,7 +41,7 @@ from creative_nao.schema import Count, Field, Text, must, parse, record
 
 Row = Mapping[str, Any]
 Entry = Mapping[str, Any]
-MAX_ROWS = 100_000
+MAX_ROWS = 20_000
 MEASURED = (
     "appropriateness_pct", "novelty", "diversity", "reward", "oracle_share", "best", "coverage_pct", "regret",
     "refused_pct",

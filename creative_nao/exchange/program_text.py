@@ -67,7 +67,7 @@ def statements_of(path: Path, text: str) -> list[Statement]:
     blocks: list[Statement] = []
     place, line, depth, indent = 0, 1, 0, 0
     current: Statement | None = None
-    fresh = True  # at the beginning of a line
+    fresh, dots = True, 0  # at the beginning of a line; dots of the name so far
 
     def ended() -> None:
         nonlocal current
@@ -137,6 +137,9 @@ def statements_of(path: Path, text: str) -> list[Statement]:
             blocks.append(current)
             current = None
             continue
+        dots = dots + 1 if piece == "." else dots * (kind == "name")
+        if dots > MAX_NESTED:  # each name within it is kept
+            raise fault("holds a name of too many parts", at)
         current.words.append(piece)
         current.kinds.append(kind)
     ended()

@@ -17,7 +17,7 @@ from creative_nao.exchange.choregraphe import keys_of
 from creative_nao.exchange.keys import MAX_MOVEMENTS, NOTHING_SAID, Keys, Reading, text_of
 from creative_nao.exchange.program_text import Statement, dotted, evaluate, names_in, parts_of, statements_of
 
-MAX_PYTHON_BYTES = 1_000_000
+MAX_PYTHON_BYTES = 600_000
 MAX_CELLS = 1_000_000  # of all lists that are played or made
 _LISTS = {
     "names": "names", "jointNames": "names", "joint_names": "names",

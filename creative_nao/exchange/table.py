@@ -196,7 +196,7 @@ def read_table(path: Path, text: str) -> tuple[list[str], list[tuple[int, list[s
     table, n_cells = [], 0
     try:
         for row in reader:
-            n_cells += len(row)
+            n_cells += max(len(row), 1)  # a file of empty lines ends, too
             if n_cells > MAX_CELLS:
                 raise FileFormatError(
                     f"{path}: line {reader.line_num + skipped}: has more than {MAX_CELLS} cells to here."
