@@ -25,7 +25,7 @@ from typing import Any, Literal
 import numpy as np
 
 from creative_nao.errors import FileFormatError, shown
-from creative_nao.schema import Index, parse, record
+from creative_nao.schema import Index, checked_path, parse, record
 from creative_nao.storage import BLANK, SEAL, as_json, as_text, note_unsealed, read_bytes, sealed, unsealed, write_bytes
 
 MAX_HEADER_BYTES = 1_000_000
@@ -54,7 +54,7 @@ def save_tensors(
     digests = {name: hashlib.sha256(array).hexdigest() for name, array in tensors.items()}
     content = _packed({"kind": kind, SEAL: BLANK, _OF_ARRAYS: digests, **header}, tensors)
     end = 8 + int.from_bytes(content[:8], "little")
-    return write_bytes(path, sealed(content[:end]) + content[end:])
+    return write_bytes(checked_path(path), sealed(content[:end]) + content[end:])
 
 
 def _packed(told: dict[str, Any], tensors: dict[str, np.ndarray]) -> bytes:
@@ -84,7 +84,7 @@ def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, 
     from safetensors import SafetensorError
     from safetensors.numpy import load
 
-    path = Path(path)
+    path = checked_path(path)
     content = read_bytes(path, f"{kind} file", MAX_FILE_BYTES)
     metadata, entries = _check_frame(path, kind, content)
     told = metadata.get("creative_nao")

@@ -93,7 +93,7 @@ def load(task: str = "boxing", **arguments: Any) -> Any:
         >>> load("boxing", seed=0).action_spec().shape
         (8,)
     """
-    if task not in TASKS:
+    if not isinstance(task, str) or task not in TASKS:
         raise NotFoundError(f"no task `{task}`{nearest_name(task, TASKS)}; there are {', '.join(TASKS)}")
     return TASKS[task](**arguments)
 

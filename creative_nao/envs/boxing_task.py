@@ -14,7 +14,7 @@ import contextlib
 import functools
 import os
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any
 
 import creative_nao.robot  # noqa: F401 - it chooses how MuJoCo draws, which must come before MuJoCo
 
@@ -27,7 +27,7 @@ from creative_nao.joints import JOINTS, N_JOINTS, limits
 from creative_nao.robot import opengl
 from creative_nao.robot.performance import has_fallen, tilt_rad
 from creative_nao.robot.scene import BAG_FORCE, BAG_XML, NAO_XML, RING_XML, Scene
-from creative_nao.schema import NonNegative, Positive, checked
+from creative_nao.schema import Field, NonNegative, Positive, checked
 
 try:
     import dm_env
@@ -203,6 +203,7 @@ class BoxingTask(composer.Task):
     def __init__(self, *, control_step_s: float = CONTROL_STEP_S, start_noise_rad: float = 0.0) -> None:
         self._arena = Ring()
         self._step_s = float(self._arena.mjcf_model.option.timestep)
+        control_step_s = checked(Positive, control_step_s, "control_step_s")
         steps = round(control_step_s / self._step_s)
         if steps < 1 or abs(control_step_s - steps * self._step_s) > 1e-9:
             raise SettingsError(
@@ -359,7 +360,12 @@ def load(
         (8,)
     """
     time_limit_s = checked(Positive, time_limit_s, "time_limit_s")
+    seed = checked(Annotated[int, Field(ge=0, lt=2**32)] | None, seed, "seed")
     task = BoxingTask(control_step_s=control_step_s, start_noise_rad=start_noise_rad)
+    if control_step_s > time_limit_s:
+        raise SettingsError(
+            f"`control_step_s` should be at most `time_limit_s`, {time_limit_s}, but is {control_step_s}"
+        )
     settings = dict(checked(dict[str, Any] | None, environment_kwargs, "environment_kwargs") or {})
     for name in settings.keys() - set(_ENVIRONMENT_KWARGS):
         offered = f"{nearest_name(name, _ENVIRONMENT_KWARGS)}; there are {', '.join(_ENVIRONMENT_KWARGS)}"

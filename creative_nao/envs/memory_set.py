@@ -130,7 +130,7 @@ class MemorySet:
     def named(self, wanted: str, where: str = 'options["memory"]') -> RewardSpec:
         """Return the memory of this name; if it is none of the environment's, it raises NotFoundError."""
         known = self.names or (self.first.name,)
-        if wanted not in known:
+        if not isinstance(wanted, str) or wanted not in known:
             raise NotFoundError(
                 f"{where}: no memory `{wanted}`{nearest_name(str(wanted), known)} in this environment; "
                 f"there are {', '.join(known)}"

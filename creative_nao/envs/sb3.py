@@ -15,7 +15,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.env_util import is_wrapped
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
-from creative_nao.errors import SettingsError
+from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.model.config import check_kind
 
 _END_TERMS = ("final_obs", "final_info")
 
@@ -43,10 +44,14 @@ class SB3VecEnv(VecEnv):
     def __init__(self, venv: VectorEnv | str, num_envs: int = 8, **arguments: Any) -> None:
         made: Any = venv
         if isinstance(venv, str):
-            made = gym.make_vec(
-                venv, num_envs, vectorization_mode="vector_entry_point",
-                autoreset_mode=AutoresetMode.SAME_STEP, **arguments,
-            )  # fmt: skip
+            try:
+                made = gym.make_vec(
+                    venv, num_envs, vectorization_mode="vector_entry_point",
+                    autoreset_mode=AutoresetMode.SAME_STEP, **arguments,
+                )  # fmt: skip
+            except gym.error.UnregisteredEnv as error:
+                raise NotFoundError(f"no environment `{venv}`{nearest_name(venv, gym.registry)}") from error
+        check_kind(VectorEnv, made, "venv")
         mode = made.metadata.get("autoreset_mode")
         if mode is not AutoresetMode.SAME_STEP:
             raise SettingsError(

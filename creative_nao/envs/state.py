@@ -56,6 +56,11 @@ class EnvState:
     values: dict[str, Any]
     arrays: dict[str, np.ndarray]
 
+    def __post_init__(self) -> None:
+        """Refuse parts of a wrong kind; what is in them is checked where the state is used."""
+        for part, kind in (("kind", str), ("values", dict), ("arrays", dict)):
+            check_kind(kind, getattr(self, part), part)
+
     def check(self, like: EnvState) -> None:
         """Refuse a state that does not fit an environment whose present state is `like`, in kind, size or range.
 
@@ -63,8 +68,6 @@ class EnvState:
             SettingsError: Naming the part.
         """
         check_kind(EnvState, self, "state")
-        for part in ("values", "arrays"):
-            check_kind(dict, getattr(self, part), f"state.{part}")
         if self.kind != like.kind:
             raise SettingsError(f"`state` should be one of a {like.kind}, but is one of a {self.kind}")
         for what, mine, theirs in (("values", self.values, like.values), ("arrays", self.arrays, like.arrays)):

@@ -1,7 +1,9 @@
 """Arguments of environments: a wrong kind is one of our errors when it is handed over, and JSON gives them back."""
 
 import dataclasses
+import inspect
 import json
+from importlib.util import find_spec
 from pathlib import Path
 
 import gymnasium as gym
@@ -10,7 +12,8 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.wrappers import TimeAwareObservation
 
-from creative_nao.envs import ENVIRONMENTS, SB3VecEnv
+from creative_nao.envs import ENVIRONMENTS, EnvState, SB3VecEnv, load
+from creative_nao.envs.boxing_envs import RandomisedRobot, VariationRanges
 from creative_nao.errors import CreativeNaoError, SettingsError, ShapeError
 from creative_nao.measures import Criteria
 from creative_nao.model import load_memory
@@ -51,6 +54,68 @@ def test_limits_of_a_wrong_kind_are_one_of_our_errors_at_make(value):
             made(name, limits=value)
     with pytest.raises(SettingsError, match="`physics` should be true or false"):
         made(MODULATION, physics=1)
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_every_argument_of_every_environment_is_checked(name, attempt):
+    attempt("arguments", f"{name}: an object, NaN, a list, a dictionary or bytes for each", "one of our errors at make")
+    spec = gym.spec(name)
+    for place in (spec.entry_point, spec.vector_entry_point):
+        kind = gym.envs.registration.load_env_creator(place)
+        signatures = [inspect.signature(one.__init__) for one in kind.__mro__ if "__init__" in vars(one)]
+        taken = {one.name for signature in signatures for one in signature.parameters.values() if one.kind in (1, 3)}
+        for argument in taken - {"self"}:
+            for value in (object(), float("nan"), [object()], {"x": object()}, b"x"):
+                with pytest.raises((CreativeNaoError, TypeError)) as told:
+                    kind(**{**spec.kwargs, argument: value})
+                assert told.type is not TypeError or "unexpected keyword argument" in str(told.value)
+
+
+def calls():
+    """Every other public way into the environments, as functions of one value."""
+    single, many = gym.make(MENTAL).unwrapped, gym.make_vec(MENTAL, 2).unwrapped
+    single.reset()
+    many.reset()
+    state = single.get_state()
+    return {
+        "reset(seed)": lambda v: single.reset(seed=v),
+        "reset(options)": lambda v: single.reset(options=v),
+        "reset(memory)": lambda v: single.reset(options={"memory": v}),
+        "step": single.step,
+        "set_state": single.set_state,
+        "vector reset(seed)": lambda v: many.reset(seed=v),
+        "vector reset(options)": lambda v: many.reset(options=v),
+        "vector reset(memory)": lambda v: many.reset(options={"memory": v}),
+        "vector reset(mask)": lambda v: many.reset(options={"reset_mask": v}),
+        "vector step": many.step,
+        "vector set_state": many.set_state,
+        "SB3VecEnv": SB3VecEnv,
+        "SB3VecEnv(num_envs)": lambda v: SB3VecEnv(MENTAL, num_envs=v),
+        "RandomisedRobot": RandomisedRobot,
+        "VariationRanges(mass)": lambda v: VariationRanges(mass=v),
+        "EnvState.load": EnvState.load,
+        "EnvState.save": state.save,
+        "EnvState(kind)": lambda v: EnvState(v, {}, {}),
+        "load(task)": load,
+        "load(seed)": lambda v: load(seed=v),
+        "load(control_step_s)": lambda v: load(control_step_s=v),
+        "load(time_limit_s)": lambda v: load(time_limit_s=v),
+        "load(start_noise_rad)": lambda v: load(start_noise_rad=v),
+    }
+
+
+def test_every_other_way_into_the_environments_checks_what_it_gets(attempt):
+    ways = calls()
+    attempt(
+        "arguments", "reset, step, states, SB3VecEnv, wrappers, dm_control's task", "one of our errors", n=len(ways)
+    )
+    masked = np.ma.masked_array([1.0, 2.0], mask=[True, False])
+    for way, call in ways.items():
+        for value in (object(), float("nan"), [object()], {"x": object()}, b"x", masked, True, -1, np.array(["a"])):
+            if way.startswith("load(") and find_spec("dm_control") is None:
+                continue
+            with pytest.raises(CreativeNaoError):
+                pytest.fail(f"{way} took {value!r}: {call(value)!r}")
 
 
 def test_numbers_of_numpy_are_taken_for_numbers():
