@@ -109,7 +109,7 @@ FORMATS: dict[str, Format] = {
 }
 """Every format by name; `write` is None where a format is only read."""
 WRITABLE = tuple(name for name, one in FORMATS.items() if one.write is not None)
-MAX_FILE_BYTES = 20_000_000
+MAX_FILE_BYTES = 16_000_000
 
 
 @dataclass(frozen=True)

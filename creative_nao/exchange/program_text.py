@@ -40,6 +40,8 @@ class Statement:
     words: list[str] = field(default_factory=list)
     kinds: list[str] = field(default_factory=list)
     parent: Statement | None = None
+    names: set[str] = field(default_factory=set)
+    """Names that stand in it, see `names_in`."""
 
     @property
     def function(self) -> Statement | None:
@@ -72,6 +74,7 @@ def statements_of(path: Path, text: str) -> list[Statement]:
     def ended() -> None:
         nonlocal current
         if current is not None and current.words:
+            current.names = names_in(current.words, current.kinds)
             found.append(current)
         current = None
 
@@ -133,6 +136,7 @@ def statements_of(path: Path, text: str) -> list[Statement]:
                 del current.words[0], current.kinds[0]
             if len(current.words) < 2 and current.words[0] in ("if", "elif", "for", "while", "with", "def", "class"):
                 raise fault(f"is not Python text: `{current.words[0]}` of nothing", at)
+            current.names = names_in(current.words, current.kinds)
             found.append(current)
             blocks.append(current)
             current = None
@@ -167,17 +171,17 @@ def dotted(words: list[str]) -> str:
 
 
 def names_in(words: list[str], kinds: list[str]) -> set[str]:
-    """Return the names, dotted ones whole, that stand in words; a method called on one counts as the name alone."""
-    found, chain = set[str](), list[str]()
-    for place, (word, kind) in enumerate(zip(words, kinds, strict=True)):
-        if kind == "name" and (not chain or words[place - 1] == "."):
-            chain.append(word)
-            continue
-        if word == "." and chain:
-            continue
-        found |= {".".join(chain[:n]) for n in range(1, len(chain) + 1)}
-        chain = [word] if kind == "name" else []
-    return found | {".".join(chain[:n]) for n in range(1, len(chain) + 1)}
+    """Return the names that stand in words, and the beginnings of dotted ones: `self.times.append` is three names."""
+    found = set[str]()
+    for place, kind in enumerate(kinds):
+        if kind == "name" and (not place or words[place - 1] != "."):
+            name, end = words[place], place + 1
+            found.add(name)
+            while end + 1 < len(words) and words[end] == "." and kinds[end + 1] == "name" and end - place < 8:
+                name = f"{name}.{words[end + 1]}"
+                found.add(name)
+                end += 2
+    return found
 
 
 _DEGREE = math.pi / 180

@@ -80,11 +80,11 @@ class _Follower:
     def __init__(self, path: Path, statements: list[Statement]) -> None:
         self.path, self.statements = path, statements
         self.calls = {id(one): found for one in statements if (found := self._plays(one))}
-        self.tracked = self._reached()
         self.values: dict[_Place, Any] = {}
         self.shared: dict[_Place, set[_Place]] = {}  # names that may hold the same lists
         self.homes: dict[str, list[int]] = {}  # the functions in which an attribute is set
         self.functions = {one.words[1]: one for one in statements if one.words[0] == "def" and len(one.words) > 1}
+        self.tracked = self._reached()
         self.waiting: dict[int, list[Statement]] = {}
         self.ran: set[int] = set()
         self.found: list[tuple[Any, Any, Any, int]] = []
@@ -105,18 +105,17 @@ class _Follower:
 
     def _reached(self) -> set[str]:
         """Return the names that may share lists with what is played, or with the three known ones where nothing is."""
-        leads: dict[str, set[str]] = {}
+        leads: dict[str, list[str]] = {}
         start = set[str]()
         for one in self.statements:
-            known = names_in(one.words, one.kinds)
-            start |= known if id(one) in self.calls else {n for n in known if n.rpartition(".")[2] in _LISTS}
-            parts = parts_of(one.words, "=") if "=" in one.words else []
-            behind = names_in(one.words[parts[-1][0] :], one.kinds[parts[-1][0] :]) if parts else set[str]()
-            group = f"={id(one)}"  # a knot between all names of one assignment
-            for begin, end in parts[:-1]:
-                for name in names_in(one.words[begin:end], one.kinds[begin:end]) | behind:
-                    leads.setdefault(name, set()).add(group)
-                    leads.setdefault(group, set()).add(name)
+            known = one.names
+            plays = id(one) in self.calls or self._function_called(one) is not None
+            start |= known if plays else {n for n in known if n.rpartition(".")[2] in _LISTS or _says_absolute(n)}
+            if "=" in one.words:
+                knot = f"={id(one)}"  # ties all names of one assignment together
+                leads[knot] = list(known)
+                for name in known:
+                    leads.setdefault(name, []).append(knot)
         reached, todo = set[str](), list(start)
         while todo:
             if (name := todo.pop()) not in reached:
@@ -165,7 +164,8 @@ class _Follower:
                 self._bind(one, own, self._value(one, "times"), {"times"})
             return
         for place, word in enumerate(words):
-            if word in _HIDDEN and one.kinds[place] == "name" and words[place - 1 : place] != ["."]:
+            hidden = word in _HIDDEN or (word in ("locals", "vars", "__dict__") and ("=" in words or "update" in words))
+            if hidden and one.kinds[place] == "name" and (word == "__dict__" or words[place - 1 : place] != ["."]):
                 raise self.fault(one.line, f"`{word}` may change what is played; it cannot be followed")
             if word in _WITHOUT_TIMES and one.kinds[place] == "name" and len(self.notes) < MAX_NOTES:
                 self.notes.append(f"left out: `{word}` in line {one.line}, which gives no times")
@@ -180,7 +180,7 @@ class _Follower:
         if called is not None and id(called) in self.waiting:
             self._run(one, called)
             return
-        mentioned = names_in(words, one.kinds) & self.tracked
+        mentioned = one.names & self.tracked
         if not mentioned or words[0] == "class":
             return
         if words[0] == "global":
@@ -287,7 +287,7 @@ class _Follower:
         if kind:
             self._begins_anew(kind, one.line)
             self.filled[kind] = (place, one.line)
-        if name.rpartition(".")[2].lower().replace("_", "") in ("isabsolute", "absolute") and value in (False, 0):
+        if _says_absolute(name) and value in (False, 0):
             self.relative = one.line
         if isinstance(self.values.get(place), _Sticky):
             return
@@ -374,7 +374,7 @@ class _Follower:
         parameters = [head[a] for a, b in parts_of(head, ",") if b > a and head[a] != "self"]
         bound: dict[str, Any] = {}
         for place, parameter in enumerate(parameters):
-            lost = _Unknown(one.line, f"`{parameter}` is an expression")
+            lost = _Unknown(one.line, f"`{parameter}` is given in a way that cannot be followed")
             bound[parameter] = self._value(one, given[place]) if place < len(given) and given[place] else lost
         self.ran.add(id(function))
         for call in self.waiting[id(function)]:
@@ -440,3 +440,7 @@ class _Follower:
         first = self.filled["names"][1]
         self._keep(*(self._copied(held[name]) for name in ("names", "times", "keys")), first)
         self.filled = {}
+
+
+def _says_absolute(name: str) -> bool:
+    return name.rpartition(".")[2].lower().replace("_", "") in ("isabsolute", "absolute")

@@ -90,6 +90,7 @@ def read_motion(path: Path, content: bytes, reading: Reading = NOTHING_SAID) -> 
 
 _METADATA = "# metadata: "
 _NANO = 1_000_000_000
+MAX_MESSAGES = 10_000
 _DOCUMENT = re.compile(r"^---[ \t]*\r?$", re.MULTILINE)
 
 
@@ -140,6 +141,8 @@ def read_ros(path: Path, content: bytes, reading: Reading = NOTHING_SAID) -> lis
         messages = [parse(JsonObject, text, str(path))]
     else:  # `ros2 topic echo` ends each message with the mark of the next document
         parts = [part for part in _DOCUMENT.split(text) if part.strip()]
+        if len(parts) > MAX_MESSAGES:
+            raise FileFormatError(f"{path}: holds {len(parts)} messages, expected at most {MAX_MESSAGES}.")
         messages = [storage.as_yaml(part, _part(path, place, len(parts))) for place, part in enumerate(parts)]
         messages = [message for message in messages if message is not None]
     if messages and all(isinstance(one, dict) and "name" in one and "position" in one for one in messages):

@@ -21,7 +21,7 @@ from creative_nao.exchange.motion import Motion
 from creative_nao.joints import JOINTS
 
 TIME_COLUMN = "time_s"
-MAX_CELLS = 2_000_000  # of a table: 20 MB of numbers with all their digits are a million
+MAX_CELLS = 1_500_000  # of a table: 16 MB of numbers with all their digits are a million
 _TIME_NAMES = {"time", "t", "timestamp", "stamp", "seconds", "secs", "sec", "elapsed"}
 _UNIT = re.compile(r"(.*?)[ _]?[\[(]?(s|sec|seconds|ms|us|ns|rad|radians|deg|degrees)[\])]?", re.IGNORECASE)
 _MEMORY_KEY = re.compile(r"(?:Device/SubDeviceList/)?(\w+)/Position/(Sensor|Actuator)/Value")

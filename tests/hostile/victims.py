@@ -6,7 +6,6 @@ fails `test_every_reader_is_tried`.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,12 +25,11 @@ from creative_nao.agents.resume import save_checkpoint as save_agent_checkpoint
 from creative_nao.agents.settings import check_entry, read_hyperparameters
 from creative_nao.agents.training import PPOSettings
 from creative_nao.cli.explore import choices
-from creative_nao.demonstrations import Demonstrations, from_motion, load_demonstrations, load_take
+from creative_nao.demonstrations import Demonstrations, load_demonstrations, load_take, propose_cuts
 from creative_nao.demonstrations.files import load_trajectory, save_trajectory
 from creative_nao.demonstrations.take import LANDMARKS
 from creative_nao.envs import EnvState
 from creative_nao.envs.physical_map import FIGURES, PhysicalMap
-from creative_nao.errors import FileFormatError
 from creative_nao.evaluation.jobs import Job, read_result, read_spec, write_result, write_spec
 from creative_nao.evaluation.leaderboard import with_record
 from creative_nao.evaluation.results import read_results, write_results
@@ -428,18 +426,12 @@ def _takes(folder: Path) -> dict[str, Victim]:
     np.savetxt(folder / "body.csv", rows, delimiter=",", header=",".join(["time_s", *names]), comments="", fmt="%.3f")
     angles = load_demonstrations().trajectories[0][10:20].round(3)
     body = exchange.write(folder / "body.bvh", exchange.Motion(angles, 0.1), unsafe="keep").path
-    use = lambda take: _finite(np.concatenate([one.angles for one in from_motion(take, {"a": [(0.0, 0.5)]})]))  # noqa: E731
     return {
-        "take_csv": Victim(folder / "body.csv", load_take, torn=False, use=_usable(use)),
-        "take_bvh": Victim(body, load_take, torn=False, use=_usable(use)),
+        "take_csv": Victim(folder / "body.csv", load_take, torn=False, use=_usable),
+        "take_bvh": Victim(body, load_take, torn=False, use=_usable),
     }
 
 
-def _usable(use: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """What a take lets in may still lack landmarks where an action is cut: one of our own errors then."""
-
-    def tried(take: Any) -> None:
-        with contextlib.suppress(FileFormatError):
-            use(take)
-
-    return tried
+def _usable(take: Any) -> None:
+    _finite(take.lowpass())
+    propose_cuts(take)
