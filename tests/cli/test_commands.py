@@ -62,6 +62,7 @@ def test_every_command_tells_its_options_with_defaults(name, capsys):
         (["map", "half/0", "--out", "map.txt"], "--out should end in .npz or .safetensors, but is map.txt"),
         (["train", "--out", "m", "--closed-loop-ratio", "2"], "`closed_loop_ratio` should be at most 1, but is 2.0"),
         (["train", "--out", "m", "--engine", "gpu"], "invalid choice 'gpu'"),
+        (["train", "--out", "m", "--condition", "auto", "--closed-loop-ratio", "1"], "say the same thing"),
         (["train", "--out", "m", "--sed", "1"], "--sed"),
         (["train", "--out", "m", "--demonstrations", "nowhere"], "nowhere"),
         (["score", "nothing.csv"], "nothing.csv"),
@@ -168,6 +169,19 @@ def test_train_writes_a_memory_that_says_how_it_was_made(capsys, tmp_path):
     )
     assert set(json.loads(capsys.readouterr().out)["reproduction_dtw"]) == set(load_demonstrations().names)
     assert [file.name for file in tmp_path.iterdir()] == ["m.safetensors"]
+
+
+def test_train_ends_with_a_verdict_on_what_comes_back(capsys, tmp_path):
+    words = ["train", "--condition", "auto", "half", "--n-epochs", "20", "--out", str(tmp_path / "many")]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "auto: 0 of 1 networks give every basic action back" in out
+    assert "ratio 0.5: 0 of 1 networks give every basic action back" in out
+    assert "half-0: 0 of 6 basic actions come back within DTW 10 in closed loop; not: left_jab (" in out
+    assert "Try the condition auto" in out
+    record = load_memory(str(tmp_path / "many" / "auto-0.safetensors")).record
+    assert record["command"] == "creative-nao train --condition auto half --n-epochs 20 --seed 0 --out many"
+    assert [one["n_epochs"] for one in record["attempts"]] == [20]
 
 
 @pytest.mark.parametrize(
