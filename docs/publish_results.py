@@ -430,7 +430,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("runs", nargs="*", type=Path, metavar="RUN_FOLDER", help="finished runs; none: only the pages")
     runs = parser.parse_args().runs
-    papers = [run for run in runs if read_record(run)["suite"] == "paper"]
+    papers = [run for run in runs if read_record(run).get("suite") == "paper"]
     suites = [run for run in runs if run not in papers]
     written = [*publish(suites, DOCS), *(path for run in papers for path in publish_paper(run, DOCS))]
     print("\n".join(f"written: {path}" for path in written))
