@@ -168,7 +168,7 @@ class PhysicalMap(PBMap):
             raise NotFoundError(
                 f"no physical map at {source}; make one with `creative-nao map MEMORY --physical --out {source}`"
             )
-        arrays = read_npz(source, KIND, largest=64 * MAX_RESOLUTION**2)
+        arrays = read_npz(source, KIND)
         only_arrays(source, arrays, _ARRAYS)
         values = npz_header(source, arrays, KIND)
         if not isinstance(values, dict) or values.get("kind") != KIND:
