@@ -24,7 +24,7 @@ from creative_nao.envs.executors import PhysicsPool, SharedScene, ThreadPool, ph
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, shown
 from creative_nao.joints import JOINTS
 from creative_nao.maps import PAPER_RESOLUTION, PBMap, pb_grid
-from creative_nao.maps.map import MAX_DISTANCE, MAX_RESOLUTION, MapHeader, grid_fields
+from creative_nao.maps.map import MAX_DISTANCE, MapHeader, grid_fields
 from creative_nao.measures import Criteria, dtw_matrix, score
 from creative_nao.measures.outcome import (
     ALL_OUTCOMES,

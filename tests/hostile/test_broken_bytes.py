@@ -100,7 +100,9 @@ def test_no_flipped_bit_is_loaded_silently(every, victims, tmp_path, attempt):
     for number in range(n):
         kind = SEALED[number % len(SEALED)]
         victim = victims[kind]
-        broken, path = bytearray(victim.path.read_bytes()), tmp_path / f"flipped-{victim.path.name}"
+        path = tmp_path / kind / f"flipped-{victim.path.name}"
+        path.parent.mkdir(exist_ok=True)
+        broken = bytearray(victim.path.read_bytes())
         place, bit = int(rng.integers(len(broken))), int(rng.integers(8))
         broken[place] ^= 1 << bit
         path.write_bytes(broken)
