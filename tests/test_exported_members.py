@@ -90,7 +90,10 @@ def test_every_error_of_the_project_is_one_that_users_can_catch_at_once():
         value
         for module in modules()
         for value in vars(module).values()
-        if inspect.isclass(value) and issubclass(value, Exception) and value.__module__.startswith("creative_nao")
+        if inspect.isclass(value)
+        and issubclass(value, Exception)
+        and value.__module__.startswith("creative_nao")
+        and not issubclass(value, Warning)
     ]
 
     assert len(errors) > 6
