@@ -10,7 +10,6 @@ import math
 import shutil
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -275,8 +274,11 @@ CLAIMS = (
 """What the paper says of closed and half closed training, the figure that decides it, and its sign."""
 
 
-STEPS = ("lattice", "spread", "spread_points", "surrogate")
-"""Agents without imagining, each told as much as the one before or more, and expected to earn more."""
+STEPS = (
+    ("lattice@1", "spread@1"), ("spread@1", "spread_points@1"), ("spread_points@1", "surrogate@1"),
+    ("spread_points@2", "surrogate@2"), ("random@8", "plan@8"),
+)  # fmt: skip
+"""Pairs of agents of which the second is expected to earn more."""
 
 
 def _frontier(results: Results) -> dict[str, Any]:
@@ -302,22 +304,23 @@ def _frontier(results: Results) -> dict[str, Any]:
         "curve": curve,
         "lines": lines,
         "oracle": curve[1]["regret"] + curve[1]["reward"]["mean"],
-        "steps": _steps(results, [f"{name}@1" for name in STEPS if f"{name}@1" in entries]),
+        "steps": _steps(results),
         "best": {k: max((e for line in lines for e in line["found"] if e and e["n_candidates"] == k),
                         key=lambda entry: entry["reward"]["mean"], default=None) for k in numbers},
     }  # fmt: skip
 
 
-def _steps(results: Results, agents: Sequence[str]) -> list[dict[str, Any]]:
-    """Return the differences in mean reward between neighbours of a list of agents, in standard errors too."""
-    rewards = {
-        name: [[*row["reward_per_seed"].values()] for row in results["rows"] if row["agent"] == name] for name in agents
-    }
+def _steps(results: Results) -> list[dict[str, Any]]:
+    """Return the differences in mean reward between the pairs of `STEPS`, in standard errors too."""
+    rewards: dict[str, list[list[float]]] = {}
+    for row in results["rows"]:
+        rewards.setdefault(row["agent"], []).append([*row["reward_per_seed"].values()])
     found = []
-    for before, after in pairwise(agents):
-        means, errors = zip(*(_mean_and_error(np.array(rewards[name])) for name in (before, after)), strict=True)
-        gap, error = means[1] - means[0], math.hypot(*errors)
-        found.append({"before": before, "after": after, "gap": gap, "error": error, "n_errors": gap / error})
+    for before, after in STEPS:
+        if before in rewards and after in rewards:
+            means, errors = zip(*(_mean_and_error(np.array(rewards[name])) for name in (before, after)), strict=True)
+            gap, error = means[1] - means[0], math.hypot(*errors)
+            found.append({"before": before, "after": after, "gap": gap, "n_errors": gap / error})
     return found
 
 
@@ -328,7 +331,7 @@ def _mean_and_error(values: np.ndarray) -> tuple[float, float]:
 
 
 def _harder(results: Results) -> dict[str, Any]:
-    entries = entries_of(results, MENTAL)
+    entries = entries_of(results, results["rows"][0]["env"])
     return {
         "n_actions": results["rows"][0]["n_actions"],
         "entries": entries,
@@ -338,9 +341,9 @@ def _harder(results: Results) -> dict[str, Any]:
 
 SECTIONS = {
     "frontier": _frontier,
+    "performed": _performed,
     "search": _search,
     "physical": _performed,
-    "performed": _performed,
     "long": _harder,
     "units4": _harder,
     "units8": _harder,

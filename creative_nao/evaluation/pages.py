@@ -172,6 +172,7 @@ SUMMARY_TITLES = (
 SHORT_ENV = {
     "CreativeNao/Boxing-v0": "physical",
     "CreativeNao/BoxingMental-v0": "mental",
+    "CreativeNao/BoxingMental-v1": "mental, every try observed",
     "CreativeNao/BoxingModulation-v0": "modulation",
 }
 
@@ -228,12 +229,13 @@ def imagined_per_performed(entry: Mapping[str, Any]) -> str:
 
 
 def worth(entry: Mapping[str, Any]) -> str:
-    """Return how many imagined candidates an agent is worth as text: `<= 1` and `>= 64` at the ends of the curve."""
+    """Return how many imagined candidates an agent is worth as text; at the ends of the curve as a bound."""
     if (found := entry.get("worth")) is None:
         return DASH
     last = entry["worth_most"]
-    mark = {1.0: "<= ", float(last): ">= "}.get(round(found["mean"], 9), "")
-    return mark + interval(found, 1)
+    if mark := {1.0: "at most ", float(last): "at least "}.get(round(found["mean"], 9), ""):
+        return f"{mark}{found['mean']:.0f}"
+    return interval(found, 1)
 
 
 def terminal_table(results: Mapping[str, Any]) -> Table:

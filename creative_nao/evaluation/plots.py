@@ -220,8 +220,8 @@ def frontier(results: Mapping[str, Any]) -> Figure:
         ax.set_xscale("log", base=2)
         ax.set_xticks(ticks, [str(tick) for tick in ticks])
         ax.minorticks_off()
-        several = f"{env_label(env)} environment, {entries[0]['n_memories']} memories"
-        ax.set(title=several, xlabel="movements looked at for each one performed (1: nothing imagined)")
+        title = f"What imagining buys: {env_label(env)} environment, {entries[0]['n_memories']} memories"
+        ax.set(title=title, xlabel="movements looked at for each one performed (1: nothing imagined)")
     axes[0].set_ylabel(f"reward of {results['rows'][0]['n_actions']} performed movements")
     axes[-1].legend(**BESIDE)
     return drawn

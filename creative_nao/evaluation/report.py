@@ -34,6 +34,8 @@ from creative_nao.model import Memory, load_memory
 if TYPE_CHECKING:
     from creative_nao.robot.scene import Scene
 
+MANY = 16
+"""Most agents that are drawn one by one on each memory."""
 FEW = 3
 """Most agents whose maps are drawn large, two in a row; more stand three in a row."""
 N_ROWS = 4
@@ -162,12 +164,17 @@ def draw_figures(
     """
     found = []
     several = len(suite.memories) > 1
+    if len(suite.agents) > MANY:  # memory by memory each agent once, as it imagines most
+        few = tuple({split_name(agent)[0]: agent for agent in suite.agents}.values())
+        one_by_one = dataclasses.replace(suite, agents=few)
+    else:
+        one_by_one = suite
     with styled():
         for memory in (None, *maps) if several else maps:
             if memory is None:
                 drawn = _draw_overall(suite, results, measured)
             else:
-                drawn = _draw(folder, suite, results, measured, memory, maps[memory])
+                drawn = _draw(folder, one_by_one, results, measured, memory, maps[memory])
             for name, picture in drawn.items():
                 file = f"{name}-{slug(memory)}.png" if several and memory is not None else f"{name}.png"
                 path = save(picture, folder / "figures" / file)

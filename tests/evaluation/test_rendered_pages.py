@@ -26,6 +26,7 @@ def test_a_name_cannot_break_a_table():
         "agent": HOSTILE, "env": "x|y", "memory": "m", "n_actions": 30, "n_actions_training": 0, "seconds": 1.0,
         "seconds_training": 0.0, "appropriateness_pct": None, "novelty": None, "diversity": None,
         "reward": {"mean": 1.0, "low": None, "high": None}, "oracle_share": None,
+        "best": None, "coverage_pct": None, "regret": None, "refused_pct": None, "n_imagined": 0.0, "track": "outcomes",
     }  # fmt: skip
     lines = markdown_table({"rows": [row]}).splitlines()
     assert len(lines) == 3
