@@ -142,8 +142,9 @@ class BoxingMentalEnv(RepertoireEnv):
     `info` of a step: `pb`, `outcome`, `appropriate`, `nearest`, `nearest_name`, `distance` (to the nearest basic action
     [rad]), `basic_distances` (to every basic action [rad]), `known_distance` (to everything known before [rad]),
     `reward_novelty`, `repertoire_size`, `step`, `n_imagined` (movements imagined so far), `trajectory` (the scored one,
-    (n_steps, 8) [rad]). At the end of an episode also `episode_measures`:
-    `appropriateness_pct`, `novelty` and `diversity` of the repertoire, the paper's three measures.
+    (n_steps, 8) [rad]), `memory` (its name) and `episode_measures`: zeros, at the end of an episode
+    `appropriateness_pct`, `novelty` and `diversity` of the repertoire, the paper's three measures, NaN where undefined.
+    `reset` tells the same terms: `memory`, else zeros and empty texts.
 
     ## Starting state
     The repertoire is empty. The task itself has no randomness: one memory and one sequence of PB points, one result.

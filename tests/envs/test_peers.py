@@ -171,8 +171,14 @@ OVERFLOW = pytest.mark.filterwarnings("ignore:overflow encountered in cast")  # 
 
 @OVERFLOW
 @pytest.mark.parametrize("wrapper", WRAPPERS)
-def test_a_wrapper_plays_and_is_copied(attempt, name, wrapper):
-    attempt("peers' suites", f"Gymnasium: {len(WRAPPERS)} wrappers, played to the end", "spaces hold, copies agree")
+def test_a_wrapper_plays_and_is_copied(attempt, wrapper):
+    case = f"Gymnasium: {len(WRAPPERS)} wrappers around each environment, played to the end"
+    attempt("peers' suites", case, "spaces hold, copies agree", n=len(ENVIRONMENTS))
+    for name in ENVIRONMENTS:
+        play_wrapped(name, wrapper)
+
+
+def play_wrapped(name, wrapper):
     settings = dict(WRAPPERS[wrapper])
     inner = made(name, render_mode="rgb_array", **SMALL)
     if wrapper == "ReshapeObservation":
@@ -187,7 +193,7 @@ def test_a_wrapper_plays_and_is_copied(attempt, name, wrapper):
         env.close()
         return
     for found in play(env):
-        assert env.observation_space.contains(found[0]), wrapper
+        assert env.observation_space.contains(found[0]), (name, wrapper)
         assert isinstance(found[-1], dict)
     twin = copy.deepcopy(env)
     action = env.action_space.sample()
@@ -244,10 +250,14 @@ def test_every_vector_wrapper_is_tried_or_left_out_with_a_reason():
         if mode is AutoresetMode.NEXT_STEP or "Observation" not in wrapper  # Gymnasium refuses those itself
     ],
 )
-def test_a_vector_wrapper_plays(attempt, name, wrapper, mode):
-    attempt(
-        "peers' suites", f"Gymnasium: {len(VECTOR_WRAPPERS)} vector wrappers, through ends of episodes", "spaces hold"
-    )
+def test_a_vector_wrapper_plays(attempt, wrapper, mode):
+    case = f"Gymnasium: {len(VECTOR_WRAPPERS)} vector wrappers around each, through ends of episodes"
+    attempt("peers' suites", case, "spaces hold", n=len(ENVIRONMENTS))
+    for name in ENVIRONMENTS:
+        play_vector_wrapped(name, wrapper, mode)
+
+
+def play_vector_wrapped(name, wrapper, mode):
     made_vector = gym.make_vec(name, 2, autoreset_mode=mode, **arguments(name))
     settings = dict(VECTOR_WRAPPERS[wrapper])
     if wrapper == "ReshapeObservation":
