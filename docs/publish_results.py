@@ -34,7 +34,7 @@ from creative_nao.evaluation.results import (
     verdict,
 )
 from creative_nao.evaluation.run import read_record
-from creative_nao.evaluation.statistics import estimate, seed_sequence
+from creative_nao.evaluation.statistics import estimate, estimate_over_tasks, seed_sequence
 from creative_nao.maps.figure_style import save, styled
 from creative_nao.model.controls import CONTROLS
 
@@ -233,7 +233,9 @@ def _reward(
 
     rng = np.random.default_rng(seed_sequence(0, agent, condition))
     gap = rewards(condition) - rewards("auto")
-    return {"mean": estimate(rewards(condition), rng=rng), "gap": estimate(gap, rng=rng)}
+    found = {"mean": estimate(rewards(condition), rng=rng), "gap": estimate(gap, rng=rng)}
+    anew = estimate_over_tasks(gap, rng=rng)
+    return {**found, "word": "less" if anew["high"] < 0.0 else "more" if anew["low"] > 0.0 else "undecided"}
 
 
 def negative(found: Mapping[str, float]) -> dict[str, float]:
