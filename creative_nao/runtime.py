@@ -95,7 +95,7 @@ def announce_compilation() -> None:
     """
     from numba.core import config, event
 
-    if config.DISABLE_JIT:
+    if config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]
         raise SettingsError("NUMBA_DISABLE_JIT is set, but movements are computed by compiled code only; unset it")
 
     class Listener(event.Listener):

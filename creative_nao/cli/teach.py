@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +11,7 @@ import numpy as np
 import tyro
 
 from creative_nao import runtime, storage
-from creative_nao.cli.terminal import Display, changed_flags, print_result
+from creative_nao.cli.terminal import Display, changed_flags, print_result, remark
 from creative_nao.demonstrations import Demonstrations, GuidanceVariation, save_demonstrations
 from creative_nao.demonstrations.retargeting import RetargetedAction, Retargeting, from_motion
 from creative_nao.demonstrations.take import Take, Up, load_take, propose_cuts, wrist_paths
@@ -20,7 +19,7 @@ from creative_nao.errors import SettingsError
 from creative_nao.exchange import NOTHING_SAID, Reading
 from creative_nao.exchange.motion import DT_S, draw_curves, resample
 from creative_nao.joints import JOINTS
-from creative_nao.maps.figure_style import write_figure
+from creative_nao.maps.figure_style import plain_text, write_figure
 from creative_nao.measures import dtw_matrix
 
 if TYPE_CHECKING:
@@ -113,7 +112,7 @@ def run(settings: TeachSettings) -> int:
     save_demonstrations(settings.out, dataclasses.replace(demos, record=record))
     print_result(figures, _lines(figures, settings.out), as_json=settings.json)
     for sentence in figures["shortcomings"]:
-        sys.stderr.write(f"creative-nao: {sentence}\n")
+        remark(sentence)
     return 1 if figures["shortcomings"] else 0
 
 
@@ -203,7 +202,7 @@ def _from_take(settings: TeachSettings, path: Path) -> int:
     print_result(figures, _report_lines(figures, settings.out), as_json=settings.json)
     for one in actions:
         if one.refused:
-            sys.stderr.write(f"creative-nao: {one.name} is refused: {one.refused}\n")
+            remark(f"{one.name} is refused: {one.refused}")
     return 0 if len(kept) == len(actions) else 1
 
 
@@ -235,7 +234,7 @@ def _films(out: Path, actions: list[RetargetedAction], frames: dict[str, np.ndar
     from creative_nao.robot import PlaybackSettings, Scene, can_draw, pictures, write_gif
 
     if not can_draw():
-        sys.stderr.write("creative-nao: no films, since nothing can be drawn here; see creative-nao doctor\n")
+        remark("no films, since nothing can be drawn here; see creative-nao doctor")
         return
     scene = Scene()
     with Display({"films": len(actions)}) as display:
@@ -245,6 +244,7 @@ def _films(out: Path, actions: list[RetargetedAction], frames: dict[str, np.ndar
             display.show("films", number)
 
 
+@plain_text
 def _proposals(settings: TeachSettings, take: Take) -> int:
     """Print where the wrists go out and back, and draw it; a person says what it is."""
     from matplotlib.figure import Figure

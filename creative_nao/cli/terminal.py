@@ -9,6 +9,7 @@ import contextlib
 import dataclasses
 import json
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -154,6 +155,11 @@ def changed_flags(settings: Any, names: Iterable[str] | None = None, group: str 
             text = " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
             words.append(f"--{group}{field.name.replace('_', '-')} {text}")
     return words
+
+
+def remark(sentence: str) -> None:
+    """Say something beside the result, on stderr."""
+    print(f"creative-nao: {printable(sentence)}", file=sys.stderr)
 
 
 def print_result(figures: Mapping[str, Any] | Sequence[Any], lines: Iterable[str], *, as_json: bool) -> None:

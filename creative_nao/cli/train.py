@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
@@ -13,9 +12,9 @@ from typing import Annotated, Literal
 import tyro
 
 from creative_nao import storage
-from creative_nao.cli.terminal import Display, changed_flags, print_result, refuse_leftovers, stopped_by_signals
+from creative_nao.cli.terminal import Display, changed_flags, print_result, refuse_leftovers, remark, stopped_by_signals
 from creative_nao.demonstrations import Demonstrations, load_demonstrations
-from creative_nao.errors import SettingsError, TrainingError, printable
+from creative_nao.errors import SettingsError, TrainingError
 from creative_nao.exchange import NOTHING_SAID, Reading
 from creative_nao.model import (
     CONDITIONS,
@@ -90,7 +89,7 @@ def run(settings: TrainSettings) -> int:
     refuse_leftovers([] if settings.resume else map(checkpoint_of, paths.values()))
     demonstrations = load_demonstrations(settings.demonstrations, reading=settings.reading)
     for name, notes in demonstrations.record["notes"].items():
-        sys.stderr.write(printable(f"creative-nao: {name}: {'; '.join(notes)}") + "\n")
+        remark(f"{name}: {'; '.join(notes)}")
     with Display({_label(one): one.n_epochs for one in wanted}) as display:
 
         def show(training: TrainingSettings, state: TrainingState) -> None:

@@ -360,7 +360,7 @@ def load(
         (8,)
     """
     time_limit_s = checked(Positive, time_limit_s, "time_limit_s")
-    seed = checked(Annotated[int, Field(ge=0, lt=2**32)] | None, seed, "seed")
+    seed = seed if seed is None else checked(Annotated[int, Field(ge=0, lt=2**32)], seed, "seed")
     task = BoxingTask(control_step_s=control_step_s, start_noise_rad=start_noise_rad)
     if control_step_s > time_limit_s:
         raise SettingsError(

@@ -48,9 +48,9 @@ class EpisodeSpec(EnvSpec):
             SettingsError: If an argument is no JSON, such as a memory that is neither a name nor a file.
         """
         for name, value in self.kwargs.items():
-            settings: Any = value
+            is_settings: bool = dataclasses.is_dataclass(value)
             try:
-                json.dumps(dataclasses.asdict(settings) if dataclasses.is_dataclass(settings) else value)
+                json.dumps(dataclasses.asdict(value) if is_settings else value)
             except (TypeError, ValueError):
                 raise SettingsError(
                     f"`{name}` should be a name, a file or other JSON, for the environment to be described as JSON, "
