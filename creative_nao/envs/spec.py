@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
@@ -50,7 +50,7 @@ class EpisodeSpec(EnvSpec):
         for name, value in self.kwargs.items():
             is_settings: bool = dataclasses.is_dataclass(value)
             try:
-                json.dumps(dataclasses.asdict(value) if is_settings else value)
+                json.dumps(dataclasses.asdict(cast(Any, value)) if is_settings else value)
             except (TypeError, ValueError):
                 raise SettingsError(
                     f"`{name}` should be a name, a file or other JSON, for the environment to be described as JSON, "
