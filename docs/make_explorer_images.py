@@ -10,6 +10,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
+from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
 
 IMAGES = Path(__file__).parent / "images"
@@ -20,52 +22,76 @@ from visiting import CHROMIUM, FLAGS, Server, Visit  # noqa: E402
 from creative_nao import load_memory  # noqa: E402
 from creative_nao.explorer.registry import cached_map  # noqa: E402
 from creative_nao.maps.figure_style import save_small  # noqa: E402
+from creative_nao.robot import write_gif  # noqa: E402
 
 MEMORIES, RESOLUTION = ("half/0", "open/0"), 200
-WINDOW = {"width": 1280, "height": 1000}
-SCRUBBED = "143"
-"""Thousandths of the movement at which the robot is shown: 1.05 s of 7.35 s."""
+DESKTOP, SMALL, PHONE = (1440, 900), (1280, 720), (390, 844)
+MOMENT_S = 1.05
+"""Of the movement, at which the robot is shown."""
+FAVOURITES = ((0.62, 0.31), (-0.35, 0.52), (0.1, -0.72), (-0.7, -0.1))
 
 
 def explore(
-    browser: Browser, url: str, query: str, *, size: dict[str, int] = WINDOW, whole: bool = False, dark: bool = False
+    browser: Browser, url: str, query: str, *, size: tuple[int, int] = SMALL, dark: bool = False, card: bool = False
 ) -> bytes:
     """Return a PNG of the page at an address, the robot standing still at one moment of its movement."""
-    tab = Visit(browser, f"{url}{query}", color_scheme="dark" if dark else "light")
-    tab.page.set_viewport_size(size)
-    tab.wait_for_robot()
-    tab.page.get_by_role("button", name="Pause").click()
-    tab.page.locator("[data-player=scrub]").fill(SCRUBBED)
-    return _taken(tab, whole=whole)
+    tab = Visit(browser, f"{url}{query}", size=size, color_scheme="dark" if dark else "light")
+    tab(f"() => explorer.player.seek({MOMENT_S})")
+    if card:
+        tab.page.mouse.move(*tab.place(0.62, 0.18))
+    return _taken(tab)
 
 
 def teach(browser: Browser, url: str) -> bytes:
-    """Return a PNG of the page for teaching, when a memory of the boxing set has been trained on it."""
-    tab = Visit(browser, f"{url}teach", ready="all fit to be taught")
-    tab.wait_for_pose()
-    tab.page.get_by_label("How long").click()
-    tab.page.get_by_role("option", name="30,000 epochs").click()
-    tab.page.get_by_role("button", name="Train", exact=True).click()
-    tab.page.get_by_text("of 6 demonstrations come back within 10 rad").wait_for(timeout=600_000)
-    tab.page.get_by_role("button", name="Key at 0.70 s").click()
-    return _taken(tab, whole=True)
+    """Return a PNG of the page for teaching, with a posture chosen."""
+    tab = Visit(browser, f"{url}teach", size=DESKTOP)
+    tab.page.locator(".key").nth(2).click()
+    return _taken(tab)
 
 
-def _taken(tab: Visit, *, whole: bool) -> bytes:
-    tab.page.mouse.move(0, 0)
-    tab.page.wait_for_timeout(3_000)  # the robot's posture, the curves' cursor and faded buttons settle
-    png = tab.page.screenshot(full_page=whole)
+FILM_STEPS, FILM_S, FILM_PX = 42, 0.14, (720, 405)
+
+
+def film(browser: Browser, url: str) -> None:
+    """Write images/explorer.gif: a finger goes over the map, and the robot follows."""
+    tab = Visit(browser, f"{url}?x=-0.5&y=0.55", size=(1280, 720))
+    tab.page.wait_for_timeout(3_000)
+    images = []
+    tab.page.mouse.move(*tab.place(0.25, 0.22))
+    tab.page.mouse.down()
+    for step in range(FILM_STEPS):
+        angle = 2 * np.pi * step / FILM_STEPS
+        tab.page.mouse.move(*tab.place(0.5 - 0.30 * np.cos(angle), 0.42 - 0.22 * np.sin(angle)))
+        tab(f"() => explorer.player.seek({0.6 + FILM_S * step} % explorer.player.duration)")
+        tab.page.wait_for_timeout(120)
+        picture = Image.open(io.BytesIO(tab.page.screenshot())).convert("RGB")
+        images.append(np.asarray(picture.resize(FILM_PX, Image.Resampling.LANCZOS)))
+    tab.context.close()
+    write_gif(images, IMAGES / "explorer.gif", frame_dt_s=FILM_S)
+
+
+def _taken(tab: Visit) -> bytes:
+    tab.page.wait_for_timeout(3_000)  # the robot's posture and finer maps settle
+    png = tab.page.screenshot()
     assert not tab.errors, tab.errors
     tab.context.close()
     return png
 
 
+def keep_favourites(browser: Browser, url: str) -> None:
+    """Fill the strip."""
+    for x, y in FAVOURITES:
+        tab = Visit(browser, f"{url}?x={x}&y={y}")
+        tab.press("Keep as favourite")
+        tab.page.locator(".favourite").first.wait_for()
+        tab.context.close()
+
+
 PICTURES = {
-    "desktop": lambda browser, url: explore(browser, url, "?x=0.45&y=0.62"),
-    "dark": lambda browser, url: explore(browser, url, "?x=0.3&y=0.2", size={"width": 1400, "height": 1000}, dark=True),
-    "phone": lambda browser, url: explore(
-        browser, url, "?x=0.3&y=0.2", size={"width": 390, "height": 844}, whole=True, dark=True
-    ),
+    "desktop": lambda browser, url: explore(browser, url, "?x=0.45&y=0.62", size=DESKTOP, card=True),
+    "small": lambda browser, url: explore(browser, url, "?x=0.45&y=0.62"),
+    "dark": lambda browser, url: explore(browser, url, "?x=0.3&y=0.2&colour=novelty", dark=True),
+    "phone": lambda browser, url: explore(browser, url, "?x=0.3&y=0.2", size=PHONE),
     "twin": lambda browser, url: explore(browser, url, "?x=0.3&y=0.2&beside=open/0"),
     "teach": teach,
 }
@@ -73,11 +99,12 @@ PICTURES = {
 
 def main() -> None:
     """Take the pictures that are asked for."""
+    known = [*PICTURES, "film"]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("pictures", nargs="*", metavar="PICTURE", help=f"of {', '.join(PICTURES)}; default: all")
-    names = parser.parse_args().pictures or list(PICTURES)
-    if unknown := [name for name in names if name not in PICTURES]:
-        parser.error(f"no picture `{unknown[0]}`; there are {', '.join(PICTURES)}")
+    parser.add_argument("pictures", nargs="*", metavar="PICTURE", help=f"of {', '.join(known)}; default: all")
+    names = parser.parse_args().pictures or known
+    if unknown := [name for name in names if name not in known]:
+        parser.error(f"no picture `{unknown[0]}`; there are {', '.join(known)}")
     if CHROMIUM is None:
         raise SystemExit("no Chromium; install your distribution's package `chromium`")
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as running:
@@ -87,8 +114,12 @@ def main() -> None:
         server = Server(Path(folder), words=["--resolution", str(RESOLUTION)])
         try:
             browser = running.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+            keep_favourites(browser, server.url)
             for name in names:
-                save_small(io.BytesIO(PICTURES[name](browser, server.url)), IMAGES / f"explorer_{name}.png")
+                if name == "film":
+                    film(browser, server.url)
+                else:
+                    save_small(io.BytesIO(PICTURES[name](browser, server.url)), IMAGES / f"explorer_{name}.png")
         finally:
             server.stop()
 

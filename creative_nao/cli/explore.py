@@ -13,7 +13,7 @@ import numpy as np
 import tyro
 
 from creative_nao.errors import FileFormatError, MissingDependencyError, NotFoundError, SettingsError, printable, shown
-from creative_nao.model import load_memory
+from creative_nao.model import load_memory, shipped_memories
 from creative_nao.runtime import sha256
 from creative_nao.storage import note_unsealed, read_text
 
@@ -48,13 +48,16 @@ class ExploreSettings:
     session: Path | None = None
     """JSON file of the favourites; default: creative_nao/explorer.json in this user's folder for data."""
     html: Path | None = None
-    """Write the page as one file that works offline, instead of serving it."""
+    """Write the page as one file that works offline, instead of serving it; into a folder, a file for each memory named
+    (`all` names every shipped one)."""
 
 
 def run(settings: ExploreSettings) -> int:
     """Serve the page until Ctrl-C, or write it to a file."""
     if not 1 <= settings.port <= 65535:
         raise SettingsError(f"--port should be from 1 to 65535, but is {settings.port}")
+    if settings.html is not None:
+        return _write_pages(settings, settings.html)
     if not 1 <= len(set(settings.memories)) == len(settings.memories) <= 2:
         raise SettingsError(
             f"explore shows one memory, or two different ones side by side, but got {' '.join(settings.memories)!r:.80}"
@@ -66,8 +69,6 @@ def run(settings: ExploreSettings) -> int:
         raise
     except ImportError as error:
         raise MissingDependencyError(f"the explorer needs {error.name or 'starlette'}: {INSTALL}") from error
-    if settings.html is not None:
-        return _write_page(settings, settings.html)
     from creative_nao.explorer.favourites import Session, default_path
     from creative_nao.explorer.registry import MemoryRegistry, check_shown, load_physical
 
@@ -137,17 +138,22 @@ def _coordinate(cell: str | None, where: str) -> float:
         raise FileFormatError(f"{where} should be a number, but is {shown(cell)}") from None
 
 
-def _write_page(settings: ExploreSettings, target: Path) -> int:
+def _write_pages(settings: ExploreSettings, target: Path) -> int:
+    from creative_nao.envs.physical_map import fingerprint
     from creative_nao.explorer.registry import load_physical
     from creative_nao.explorer.static_export import write_page
 
-    if target.suffix.lower() not in (".html", ".htm"):
-        raise SettingsError(f"--html should end in .html, but is {target}")
-    if len(settings.memories) > 1:
-        raise SettingsError(f"--html writes one memory, but got {' and '.join(settings.memories)}")
-    memory = load_memory(next(iter(settings.memories)))
-    physical = load_physical(settings.physical, [memory])
-    written = write_page(memory, target, settings.resolution, next(iter(physical.values()), None))
-    megabytes = written.stat().st_size / 1e6
-    print(f"written: {printable(str(written))}, {megabytes:.1f} MB; it opens by double click, without a network")
+    alone = target.suffix.lower() in (".html", ".htm")
+    if alone and len(settings.memories) > 1:
+        raise SettingsError(f"a file holds one memory, but got {' and '.join(settings.memories)}; name a folder")
+    if target.suffix and not alone and not target.is_dir():
+        raise SettingsError(f"--html should be a folder or end in .html, but is {target}")
+    names = shipped_memories() if settings.memories == ("all",) else settings.memories
+    memories = [load_memory(name) for name in names]
+    physical = load_physical(settings.physical, memories)
+    for memory in memories:
+        path = target if alone else target / f"{memory.name.replace('/', '_')}.html"
+        written = write_page(memory, path, settings.resolution, physical.get(fingerprint(memory)))
+        size = written.stat().st_size / 1e6
+        print(f"written: {written}, {size:.1f} MB; it opens by double click, without a network", flush=True)
     return 0

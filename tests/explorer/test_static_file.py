@@ -2,11 +2,13 @@
 
 import dataclasses
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from creative_nao.explorer.static_export import bundled, page, write_page
+from creative_nao.cli import main
+from creative_nao.explorer.static_export import STATIC, bundled, page, write_page
 from creative_nao.model import load_memory
 
 EVIL = (
@@ -76,3 +78,17 @@ def test_the_bundle_has_no_imports_left_and_its_policy_no_holes():
     policy = re.search(r'Content-Security-Policy" content="([^"]+)"', page("name", {}))[1]
     assert "unsafe" not in policy
     assert "default-src 'none'" in policy
+
+
+def test_the_file_of_the_documentation_has_the_scripts_of_today():
+    """`creative-nao explore half/0 --html docs/play.html --resolution 100` writes it."""
+    text = (Path(__file__).parents[2] / "docs" / "play.html").read_text(encoding="utf-8")
+    assert bundled() in text
+    assert (STATIC / "page.css").read_text(encoding="utf-8") in text
+
+
+def test_a_folder_takes_a_file_for_each_memory(tmp_path, capsys):
+    assert main(["explore", "half/0", "open/1", "--html", str(tmp_path / "files"), "--resolution", "8"]) == 0
+    assert sorted(path.name for path in (tmp_path / "files").iterdir()) == ["half_0.html", "open_1.html"]
+    assert main(["explore", "half/0", "open/1", "--html", str(tmp_path / "a.html")]) == 2
+    assert "name a folder" in capsys.readouterr().err
