@@ -174,11 +174,14 @@ def test_every_tutorial_runs_as_it_stands(tmp_path):
     assert tutorial(tmp_path, run) == sum(isinstance(step, list) for step in typed("docs/tutorials.md"))
 
 
-def test_the_two_commands_of_the_readme_are_those_that_are_tested():
+def test_the_first_commands_of_the_readme_are_those_that_are_tested():
     shells = re.findall(r"```sh\n(.*?)```", TEXTS["README.md"], re.DOTALL)
 
-    assert shells[:2] == ["pip install -e . && creative-nao evaluate quick\n", 'pip install -e ".[dev]" && pytest\n']
-    assert shells[1].strip() in (ROOT / ".ci" / "run").read_text()
+    assert shells[:3] == [
+        "pip install -e . && creative-nao evaluate quick\n", 'pip install -e ".[explore]" && creative-nao explore\n',
+        'pip install -e ".[dev]" && pytest\n',
+    ]  # fmt: skip
+    assert shells[2].strip() in (ROOT / ".ci" / "run").read_text()
 
 
 @pytest.mark.parametrize("name", TEXTS)
