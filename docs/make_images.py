@@ -138,24 +138,25 @@ class Recorder(gym.Wrapper):
 
 @app.command
 def clips(names: Positional[tuple[str, ...]] = ()) -> None:
-    """Draw a clip of the best finds of shipped agents in an episode on a validation memory: images/agents/*.gif.
+    """Draw a clip of the best finds of agents in an episode on a validation memory: images/agents/*.gif.
 
     Args:
-        names: Shipped agents; default: all.
+        names: Shipped agents, or others, as imagine_with_body@64, which plays in physics; default: all shipped.
     """
     (IMAGES / "agents").mkdir(parents=True, exist_ok=True)
     dt_s = load_memory(CLIP_MEMORY).demonstrations.dt_s
     scene = Scene(with_bag=False)  # it would hide an arm
     width, height = CLIP_SIZE_PX
     for name in names or agent_names():
-        env_id = load_agent(name).header.score.env
-        env = Recorder(make_env(env_id, memory=CLIP_MEMORY))
-        play(make_agent(name), env, env_id=env_id, memory=CLIP_MEMORY, seed=CLIP_SEED)
+        env_id = load_agent(name).header.score.env if name in agent_names() else "CreativeNao/Boxing-v0"
+        agent = make_agent(name)
+        env = Recorder(make_env(env_id, CLIP_MEMORY, agent))
+        play(agent, env, env_id=env_id, memory=CLIP_MEMORY, seed=CLIP_SEED)
         best = sorted(env.finds, key=lambda find: -find[0])[:N_FINDS]
         env.close()
         frames = [imagined_frames(scene, trajectory[CLIP_TICKS], dt_s, frame_dt_s=dt_s) for _, trajectory in best]
         images = pictures(scene, np.concatenate(frames), camera="close", width=width, height=height, smooth=2)
-        path = write_gif(images, IMAGES / "agents" / f"{name.replace('/', '-')}.gif", frame_dt_s=dt_s)
+        path = write_gif(images, IMAGES / "agents" / f"{name.replace('/', '-').replace('@', '-')}.gif", frame_dt_s=dt_s)
         if path.stat().st_size > LARGEST_CLIP_BYTES:
             raise SystemExit(f"{path} is larger than {LARGEST_CLIP_BYTES} bytes: {path.stat().st_size}")
 

@@ -350,6 +350,7 @@ SECTIONS = {
     "units4": _harder,
     "units8": _harder,
     "modulation": _modulation,
+    "modulated": _harder,
     "transfer": _transfer,
     "gestures": _gestures,
 }

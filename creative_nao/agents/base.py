@@ -69,7 +69,7 @@ class Context:
     Attributes:
         action_space: PB vectors it may choose: Box of shape (n_pb,).
         observation_space: What `ask` receives.
-        n_actions: The budget: how many movements may be performed.
+        n_actions: The budget: how many times the agent may be asked, `n_decisions` times for each movement performed.
         rng: Its only source of randomness.
         memory: The memory explored; None on all tracks but `map`.
         imagination: Imagines movements and counts them; None where none may be imagined.
@@ -86,6 +86,7 @@ class Context:
     points: np.ndarray | None = None
     demonstrations: Any = None
     track: Track = Track.MAP
+    n_decisions: int = 1
 
     @property
     def n_imagined_left(self) -> int:

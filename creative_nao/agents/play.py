@@ -143,7 +143,7 @@ def play_episode(
     observation, _ = env.reset(seed=seed, options=options)
     inner: Any = env.unwrapped
     budget = getattr(inner, "n_actions", _USUAL_BUDGET) if n_actions is None else n_actions
-    budget *= int(getattr(inner, "n_decisions", 1))
+    n_decisions = int(getattr(inner, "n_decisions", 1))
     if (seen := observed_track(env)) > agent.track:
         raise SettingsError(
             f"agent `{agent.name}` is of the track `{agent.track}`, but these observations tell `{seen}`: make the "
@@ -151,7 +151,8 @@ def play_episode(
         )
     imagination = Imagination(_imaginer(env), int(getattr(inner, "n_imagined", 0)))
     spaces = env.action_space, env.observation_space
-    agent.begin(Context(*spaces, budget, rng, getattr(inner, "memory", None), imagination))
+    memory = getattr(inner, "memory", None)
+    agent.begin(Context(*spaces, budget * n_decisions, rng, memory, imagination, n_decisions=n_decisions))
     n_movements, ended = 0, False
     while not ended and n_movements != n_actions:
         pb = agent.ask(observation)

@@ -122,12 +122,12 @@ class PlanningAgent(MovementAgent[S]):
         super().start(context)
         settings: Any = self.settings
         self._known = list(context.demonstrations.trajectories)
-        self._n_left = context.n_actions
+        self._n_left = context.n_actions // context.n_decisions
         self._pool_pb: list[np.ndarray] = []
         self._pool: list[np.ndarray] = []
         self._distances = np.empty(0)
         n_first = round(settings.first_share * context.n_imagined_left)
-        self._spread = iter(sobol_points(context, max(n_first, context.n_actions)))
+        self._spread = iter(sobol_points(context, max(n_first, self._n_left)))
         if n_first:
             self.imagine(np.array([next(self._spread) for _ in range(n_first)]))
 

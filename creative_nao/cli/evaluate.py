@@ -58,9 +58,10 @@ class EvaluateSettings(JobOptions):
     suite: tyro.conf.Positional[str] = "quick"
     """`quick`: agents on one memory; `frontier`: what imagining buys; `search`: all agents on memories no training has
     seen; `physical`: what the body changes; `performed`: the best imagining robot in physics; `modulation`: a PB that
-    changes while a movement unfolds; `transfer`: memories of other demonstrations; `gestures`: the same agents and
-    figures on sets of recordings, and beside networks memories that only mix; `long`, `units4`, `units8`: episodes of
-    100 movements, memories of 4 and 8 PB units; or a TOML file of your own."""
+    changes while a movement unfolds; `modulated`: who finds most that way; `transfer`: memories of other
+    demonstrations; `gestures`: the same agents and figures on sets of recordings, and beside networks memories that
+    only mix; `long`, `units4`, `units8`: episodes of 100 movements, memories of 4 and 8 PB units; or a TOML file of
+    your own."""
     out: Path | None = None
     """Run folder, which must be new or empty unless --resume is given; default: runs/SUITE-TIMESTAMP."""
     seed: int = 0
