@@ -221,6 +221,11 @@ def _run(words: list[str]) -> int:
 
 def _parse(settings_class: type, name: str, words: list[str]) -> Any:
     """Return the settings, or an exit code when the flags ask for help or cannot be read."""
+    flags = [word.partition("=")[0] for word in words if word.startswith("--")]
+    if twice := [flag for flag in flags if flags.count(flag) > 1]:
+        return _fail(
+            f"{name}: {twice[0]} is given twice, of which one would be lost; give it once, with all its values"
+        )
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint), FLAGS:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from creative_nao.errors import FileFormatError, SettingsError
 from creative_nao.exchange.motion import monotone_cubic
 from creative_nao.joints import JOINTS, MAX_SPEED_RAD_S, MIRROR_SIGN, limits
 from creative_nao.robot.postures import arm_angles
-from creative_nao.schema import PlainName, Positive, checked, record
+from creative_nao.schema import Field, PlainName, Positive, checked, record
 
 UPPER_M, FORE_M = 0.105, 0.1137  # the robot's upper arm, and forearm to the middle of the hand [m]
 _FIST, _UPPER, _FORE = 1.0, 0.35, 0.6  # weights of the fist's place (arm lengths) and of the two directions
@@ -97,6 +97,7 @@ def from_motion(
     actions = []
     for name, spans in cuts.items():
         checked(PlainName, name, "cuts")
+        spans = checked(Annotated[tuple[tuple[float, float], ...], Field(min_length=1)], spans, f"cuts of {name}")
         actions.append(_action(take, places, name, list(spans), heading, how, facing))
     known = {one.name: one for one in actions}
     for name, other in (mirror or {}).items():

@@ -29,13 +29,16 @@ _NAMES = (
     "rshldr rforearm rhand lshldr lforearm lhand rthigh lthigh",  # Poser
     "rightupperarm rightforearm righthand leftupperarm leftforearm lefthand rightupperleg leftupperleg",
     "rightupperarm rightlowerarm righthand leftupperarm leftlowerarm lefthand rightupperleg leftupperleg",
+    "rightarm rightforearm righthand leftarm leftforearm lefthand rightthigh leftthigh",
+    "rupperarm rforearm rhand lupperarm lforearm lhand rthigh lthigh",  # Biped
     "upperarmr forearmr handr upperarml forearml handl thighr thighl",  # Blender
+    "upperarmr lowerarmr handr upperarml lowerarml handl thighr thighl",  # Unreal
     "rshoulder relbow rwrist lshoulder lelbow lwrist rhip lhip",  # this project, SMPL
     "rightshoulder rightelbow rightwrist leftshoulder leftelbow leftwrist righthip lefthip",  # MediaPipe
     "shoulderright elbowright wristright shoulderleft elbowleft wristleft hipright hipleft",  # Kinect
     "12 14 16 11 13 15 24 23",  # MediaPipe by number
 )
-MAX_TAKE_BYTES = 10_000_000
+MAX_TAKE_BYTES = 30_000_000
 _MAX_JOINTS, MAX_FRAMES = 1_000, 100_000
 _BRIDGED_S = 0.1  # landmarks missing for so long are taken from before and after
 _STANDING = 0.7  # cosine between the trunk and the vertical
@@ -43,7 +46,7 @@ _LOWPASS_HZ = 8.0
 _SLOWEST, _HOME = 0.8, 0.35  # of proposed cuts: arm lengths a second that are a movement, arm lengths that are away
 
 Up = Literal["auto", "y", "-y", "z"]
-Facing = Literal["auto", "chest"] | float
+Facing = Literal["auto", "chest"] | Annotated[float, Field(ge=-360, le=360)]
 Hertz = Annotated[float, Field(gt=0, le=100)]
 
 
@@ -155,7 +158,7 @@ def _from_bvh(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray, list[
             angles, names = np.asarray(body.joint_angles), [_bare(name) for name in body.joint_names]
             places = np.asarray(body.joint_positions(), dtype=np.float64)
         except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError) as error:
-            told = " ".join(str(error).replace(str(copy), "the file").split())[:200]
+            told = " ".join(str(error).replace(f" in file {copy}", "").split())[:200]
             raise FileFormatError(f"{path}: no BVH that can be read ({told}).") from None
     if not np.isfinite(places).all():
         raise FileFormatError(f"{path}: holds a place that is not a finite number.")

@@ -297,6 +297,8 @@ def read_timeline(path: Path, content: bytes, reading: Reading = NOTHING_SAID) -
     xml = _Xml(path)
     xml.parse(text_of(path, content).encode())
     found = [keys for timeline in xml.timelines if timeline["curves"] for keys in _timeline(path, timeline)]
+    if found and reading.rate is not None:
+        raise FileFormatError(f"{path}: has frames a second of its own, so --rate is not for it; leave it out.")
     if not found and xml.postures:
         return [_postures(path, xml.postures, reading)]
     if not found:

@@ -266,6 +266,10 @@ def read_content(
     if not content.strip():
         raise FileFormatError(f"{path}: is empty, expected a movement.")
     name = recognise(path, content) if format is None else _known(format)
+    for option, of in (("rate", ("csv", "choregraphe")), ("time_column", ("csv",))):
+        if getattr(reading, option) is not None and name not in of:
+            flag = f"--{option.replace('_', '-')}"
+            raise FileFormatError(f"{path}: {name} has times of its own, so {flag} is not for it; leave it out.")
     found = FORMATS[name].read(path, content, reading)
     if len(found) > MAX_MOVEMENTS:
         raise FileFormatError(f"{path}: holds {len(found)} movements, expected at most {MAX_MOVEMENTS}.")

@@ -104,6 +104,8 @@ class Keys:
     """Whether the file itself says in which unit its times are."""
     place: str = ""
     """Where the movement stands in a file of several."""
+    asked: bool = False
+    """Whether the reader has followed `Reading.time_unit` itself."""
 
     def where(self, column: int, key: int) -> str:
         """Return how to name a key: by its line, or its number from 1."""
@@ -174,6 +176,12 @@ def to_motion(
     if ignored := [name for name in keys.joints if name not in wanted]:
         notes.append(f"left out, not among the wanted joints: {', '.join(ignored)[:300]}")
     times, angles = [keys.times[c] for c in columns], [keys.angles[c] for c in columns]
+    if (reading.time_unit and keys.seconds_known and not keys.asked) or reading.unit not in (
+        None,
+        keys.unit or reading.unit,
+    ):
+        option = "--time-unit" if reading.unit in (None, keys.unit) else "--unit"
+        raise FileFormatError(f"{path}: says its own unit, so {option} is not for it; leave it out.")
     if reading.time_unit is not None and not keys.seconds_known and reading.time_unit != "s":
         times = [when * TIME_UNITS_S[reading.time_unit] for when in times]
         notes.append(f"times read in {reading.time_unit}")

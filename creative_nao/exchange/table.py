@@ -21,7 +21,7 @@ from creative_nao.exchange.motion import Motion
 from creative_nao.joints import JOINTS
 
 TIME_COLUMN = "time_s"
-MAX_CELLS = 1_500_000  # of a table: 16 MB of numbers with all their digits are a million
+MAX_CELLS = 1_200_000  # of a table: 16 MB of numbers with all their digits are a million
 _TIME_NAMES = {"time", "t", "timestamp", "stamp", "seconds", "secs", "sec", "elapsed"}
 _UNIT = re.compile(r"(.*?)[ _]?[\[(]?(s|sec|seconds|ms|us|ns|rad|radians|deg|degrees)[\])]?", re.IGNORECASE)
 _MEMORY_KEY = re.compile(r"(?:Device/SubDeviceList/)?(\w+)/Position/(Sensor|Actuator)/Value")
@@ -83,7 +83,7 @@ def read_csv(path: Path, content: bytes, reading: Reading = NOTHING_SAID) -> lis
     return [
         Keys(
             tuple(joints), [times] * len(joints), angles, unit, notes=notes, faults=faults, lines=[lines] * len(joints),
-            seconds_known=known, time_step_s=4e-7 if len(times) and abs(times[0]) > 1e8 else 0.0,
+            seconds_known=known, asked=True, time_step_s=4e-7 if len(times) and abs(times[0]) > 1e8 else 0.0,
         )
     ]  # fmt: skip
 

@@ -228,6 +228,8 @@ def test_faults_of_cuts_are_named(fine):
     take = Take("t", landmarks(fine), 1 / RATE, np.zeros(len(fine), bool), ())
     for cuts, mirror, error, message in (
         ({"a": [(44.0, 44.9)]}, {}, FileFormatError, r"a: 44 to 44.9 s is not within its 7.3. s"),
+        ({"a": []}, {}, SettingsError, "`cuts of a` should be a list of at least 1"),
+        ({"a": (1.0, 2.0)}, {}, SettingsError, "`cuts of a`, entry 1 should be a list, but is 1.0"),
         ({"a": [(1.0, 1.05)]}, {}, SettingsError, "has 3 frames, expected at least 6"),
         ({"../a": [(1.0, 2.0)]}, {}, SettingsError, "should be a plain name"),
         ({"a": [(1.0, 2.0)]}, {"b": "c"}, SettingsError, "mirror: `b` should be new and the image of one of a"),
@@ -272,6 +274,7 @@ def test_teach_from_writes_actions_with_a_report(fine, tmp_path, capsys):
         (["--from", "x.csv", "--seed", "3"], "--seed is not for --from"),
         (["--from", "x.csv", "--fill", "rest"], "--fill is not for --from"),
         (["--from", "x.csv"], "no take at x.csv"),
+        (["--from", "x.csv", "--cut", "a=1:2", "--cut", "b=2:3"], "--cut is given twice"),
     ],
 )
 def test_mistakes_get_one_line_and_exit_code_2(words, message, tmp_path, monkeypatch, capsys):

@@ -82,6 +82,21 @@ def test_tables_that_do_not_say_enough_are_refused(text, options, message, tmp_p
         read(tmp_path, "a.csv", text, **options)
 
 
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("a.motion", {"rate": 10.0}, "webots has times of its own, so --rate is not for it"),
+        ("a.json", {"time_column": "t"}, "json has times of its own, so --time-column is not for it"),
+        ("a.motion", {"time_unit": "ms"}, "says its own unit, so --time-unit is not for it"),
+        ("a.json", {"unit": "degrees"}, "says its own unit, so --unit is not for it"),
+    ],
+)
+def test_an_option_that_a_file_contradicts_is_refused(name, options, message, tmp_path):
+    path = exchange.write(tmp_path / name, exchange.Motion(JAB, 0.15)).path
+    with pytest.raises(FileFormatError, match=message):
+        exchange.read(path, reading=Reading(**options))
+
+
 def test_one_angle_out_of_place_does_not_make_degrees_of_all(tmp_path):
     wild = JAB.copy()
     wild[7, 2] = 57.3
