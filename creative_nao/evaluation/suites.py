@@ -52,6 +52,8 @@ MAX_SHOWN = 3
 """Most memories that the report draws one by one."""
 MAX_NAMES = 1_000
 """In each list of a suite."""
+MAX_DOTS = 500
+"""In a line of a suite: Python's reader of TOML keeps every beginning of a dotted name."""
 PPO = "ppo"
 """The one agent that a suite trains itself, where it names it without a bundle."""
 
@@ -237,6 +239,9 @@ def read_suite(path: Path, *, trusted: bool = False) -> Suite:
     """
     where = f"suite {path}"
     text = read_text(path, "suite", MAX_FILE_BYTES)
+    for number, line in enumerate(text.split("\n"), start=1):
+        if line.count(".") > MAX_DOTS:
+            raise FileFormatError(f"{where}: line {number}: has more than {MAX_DOTS} dots; break a list into lines")
     try:
         values = tomllib.loads(text)
     except (ValueError, RecursionError) as error:

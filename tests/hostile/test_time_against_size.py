@@ -38,7 +38,8 @@ def numbered(form, between, before="", after=""):
 
     def make(size):
         width = len(form.format(9_999_999)) + len(between)
-        parts = (form.format(number) for number in range(1_000_000, 1_000_000 + max(1, size // width)))
+        count = max(1, (size - len(before) - len(after)) // width)
+        parts = (form.format(number) for number in range(1_000_000, 1_000_000 + count))
         return (before + between.join(parts) + after).encode()
 
     return make
@@ -128,6 +129,11 @@ TOML = {
     "environments": numbered('"a{}"', ",", 'agents=["random"]\nenvs=[', "]\n"),
     "seeds": numbered("{}", ",", f'agents=["random"]\nenvs=["{ENV}"]\n[taught]\nseeds=[', "]\n"),
     "dotted names": repeated(b"a.", b"", b"b=1\n"),
+    "quoted dotted names": repeated(rb'"\"".', b"", b"b=1\n"),
+    "parted dotted names": repeated('"\N{LINE SEPARATOR}".'.encode(), b"", b"b=1\n"),
+    "dotted names behind a quote": repeated(b"a.", b"x={k='''a'b\"''', ", b'b=1, z="y"}\n'),
+    "lines of dotted names": numbered("a." * 497 + "b{}=1", "\n"),
+    "dotted tables": repeated(b"a.", b"[", b"a]\n"),
     "many dotted names": numbered("a.b{}=1", "\n"),
     "tables": numbered("[a.b{}]", "\n"),
     "arrays of tables": repeated(b"[[a]]\n"),
