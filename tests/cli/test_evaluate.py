@@ -26,6 +26,9 @@ ROW = {
     "reward": {"mean": 7.25, "low": 7.0, "high": 7.5},
     "oracle_share": {"mean": 0.375, "low": 0.3, "high": 0.4},
     "n_actions_training": 0,
+    "n_imagined": 0,
+    **dict.fromkeys(("best", "coverage_pct", "regret", "refused_pct")),
+    "track": "told",
     "seconds": 0.5,
     "seconds_training": 0.0,
 }
@@ -109,7 +112,7 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, tmp_path, capsys):
         ({"agents": " , "}, SettingsError, "`agents` should be a list of at least 1 entries"),
         ({"demonstrations": Path("x")}, SettingsError, r"`quick` has no \[taught\]"),
         (
-            {"suite": "transfer", "demonstrations": Path("nowhere")},
+            {"suite": "transfer", "demonstrations": (Path("nowhere"),)},
             NotFoundError,
             "no folder of basic actions at nowhere",
         ),
