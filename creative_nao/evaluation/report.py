@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from creative_nao.robot.scene import Scene
 
 MANY = 16
-"""Most agents that are drawn one by one on each memory."""
+"""Most agents that have curves of their own."""
 FEW = 3
 """Most agents whose maps are drawn large, two in a row; more stand three in a row."""
 N_ROWS = 4
@@ -164,7 +164,7 @@ def draw_figures(
     """
     found = []
     several = len(suite.memories) > 1
-    if len(suite.agents) > MANY:  # memory by memory each agent once, as it imagines most
+    if len(suite.agents) > MANY:  # curves and memories show each agent once, as it imagines most
         few = tuple({split_name(agent)[0]: agent for agent in suite.agents}.values())
         one_by_one = dataclasses.replace(suite, agents=few)
     else:
@@ -172,7 +172,7 @@ def draw_figures(
     with styled():
         for memory in (None, *maps) if several else maps:
             if memory is None:
-                drawn = _draw_overall(suite, results, measured)
+                drawn = _draw_overall(one_by_one, results, measured)
             else:
                 drawn = _draw(folder, one_by_one, results, measured, memory, maps[memory])
             for name, picture in drawn.items():
@@ -191,8 +191,9 @@ def _draw_overall(suite: Suite, results: dict[str, Any], measured: Measured) -> 
         drawn = {"frontier": plots.frontier(results), **drawn}
     if any(entry["versus"] is not None for entry in summary):
         drawn["improvement"] = plots.improvement(results)
-    if any(entry["profile"] is not None and entry["agent"] != "oracle" for entry in summary):
-        drawn["profiles"] = plots.profiles(results)
+    few = [entry for entry in summary if entry["agent"] in suite.agents]
+    if any(entry["profile"] is not None and entry["agent"] != "oracle" for entry in few):
+        drawn["profiles"] = plots.profiles({**results, "summary": few})
     if set(suite.oracle_envs) & set(suite.envs):
         drawn["regret"] = plots.regret(suite, measured)
     return drawn
