@@ -15,7 +15,8 @@ Names are loaded when first used; importing the package loads neither torch nor 
 
 import sys
 
-if sys.argv[:1] == ["-m"] and not sys.flags.safe_path:  # python -m creative_nao: the current folder is searched last
+if sys.argv[:1] == ["-m"] and "creative_nao" in sys.orig_argv and not sys.flags.safe_path:
+    # `python -m creative_nao`: a numpy.py in the current folder is none of ours, so that is searched last.
     sys.path.append(sys.path.pop(0))
 
 import lazy_loader

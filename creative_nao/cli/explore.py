@@ -88,7 +88,7 @@ def run(settings: ExploreSettings) -> int:
     sys.stdout.flush()
     serve(
         explorer, host=settings.host, port=settings.port, show=settings.open, allowed=settings.allow_host,
-        told=lambda line: print(line, flush=True),
+        told=lambda line: print(printable(line), flush=True),
     )  # fmt: skip
     return 0
 

@@ -68,7 +68,7 @@ _COMMON_ARGUMENTS = """\
 | memory | `"half/0"` | name, file or memory; `"train"`, `"validation"`, `"test"`: drawn per episode |
 | n_actions | 30 | actions in an episode |
 | render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
-| criteria | None | `measures.Criteria`: where the lines between outcomes are drawn |
+| criteria | None | `measures.Criteria` or its values as a dictionary: where the lines between outcomes are drawn |
 | overlay | False | whether colour frames carry a caption: outcome, nearest basic action, reward |
 | width | 640 | of frames, in pixels |
 | height | 480 | of frames, in pixels |
@@ -203,7 +203,7 @@ class BoxingEnv(RepertoireEnv):
     Truncated after `n_actions` (30) steps; never terminated: after a fall the next action starts from the guard again.
 
     {arguments}
-    | limits | None | `robot.PhysicalLimits`: from where on a performance counts as failed |
+    | limits | None | `robot.PhysicalLimits` or its values as a dictionary: from where on a performance failed |
 
     {rendering}
     Their performances run in `n_threads` threads.
