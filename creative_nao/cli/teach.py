@@ -174,7 +174,7 @@ def _from_take(settings: TeachSettings, path: Path) -> int:
             cuts[name] = [(0.0, 0.0)]
         if not name or not all(len(span) == 2 and span[0] < span[1] for span in cuts[name]):
             raise SettingsError(f"--cut should be NAME=BEGIN:END in seconds, but is {word[:60]!r}")
-    mirror = dict(word.partition("=")[::2] for word in settings.mirror)
+    mirror = {new: old for new, _, old in (word.partition("=") for word in settings.mirror)}
     actions = from_motion(take, cuts, mirror=mirror, retargeting=settings.retargeting)
     actions, frames = _performed(actions)
     kept = [one for one in actions if not one.refused]

@@ -69,7 +69,8 @@ class Take:
 
         if hz >= 0.45 / self.dt_s or len(self.places) < 20:
             return self.places
-        return filtfilt(*butter(4, 2 * hz * self.dt_s), self.places, axis=0)
+        coefficients: Any = butter(4, 2 * hz * self.dt_s)
+        return filtfilt(*coefficients, self.places, axis=0)
 
 
 def load_take(path: str | os.PathLike[str], *, reading: Reading | None = None, up: Up = "auto") -> Take:
@@ -85,12 +86,13 @@ def load_take(path: str | os.PathLike[str], *, reading: Reading | None = None, u
         FileFormatError: If it holds no standing person in three dimensions; the message says why not.
         MissingDependencyError: If a BVH file is to be read without `pybvh` (the extra `mocap`).
     """
-    path, reading = checked_path(path), checked(Reading, reading or NOTHING_SAID, "reading")
+    path = checked_path(path)
+    said: Reading = NOTHING_SAID if reading is None else checked(Reading, reading, "reading")
     content = storage.read_bytes(path, "take", MAX_TAKE_BYTES)
     if content[:2000].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"HIERARCHY"):
         times, places, notes = _from_bvh(path, content)
     else:
-        times, places, notes = _from_table(path, content, reading)
+        times, places, notes = _from_table(path, content, said)
     if not 10 <= len(times) <= MAX_FRAMES:
         raise FileFormatError(f"{path}: has {len(times)} frames, expected 10 to {MAX_FRAMES}.")
     steps = np.diff(times)
@@ -176,10 +178,11 @@ def _bare(name: str) -> str:
 
 
 def _family(path: Path, names: set[str]) -> list[str]:
-    for family in _NAMES:
-        if names.issuperset(family.split()):
-            return family.split()
-    nearest = max((family.split() for family in _NAMES), key=lambda family: len(names & set(family)))
+    families: list[list[str]] = [list[str](family.split()) for family in _NAMES]
+    for family in families:
+        if names.issuperset(family):
+            return family
+    nearest = max(families, key=lambda family: len(names & set(family)))
     missing = [name for name in nearest if name not in names]
     flat = {"leftshoulder", "rightshoulder", "leftelbow"} <= names or {"lshoulder", "rshoulder"} <= names
     raise FileFormatError(

@@ -330,7 +330,7 @@ def _timeline(path: Path, timeline: dict[str, Any]) -> list[Keys]:
         return []
     if len(units) > 1:
         raise FileFormatError(f"{place}: {called} has curves in different units, expected one.")
-    joints, times, angles = [], [], []
+    joints, times, angles, fps = [], [], [], 0.0
     for curve in curves:
         rate = curve.get("fps") or timeline.get("fps") or ""
         try:

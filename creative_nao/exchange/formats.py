@@ -262,25 +262,25 @@ def read_content(
     beyond: Literal["refuse", "keep"] = "keep",
 ) -> list[Recording]:
     """Read every movement of a file's content, without touching the file; `path` is for its ending and for messages."""
-    reading = checked(Reading, reading or Reading(), "reading")
+    said: Reading = NOTHING_SAID if reading is None else checked(Reading, reading, "reading")
     if not content.strip():
         raise FileFormatError(f"{path}: is empty, expected a movement.")
     name = recognise(path, content) if format is None else _known(format)
     for option, of in (("rate", ("csv", "choregraphe")), ("time_column", ("csv",))):
-        if getattr(reading, option) is not None and name not in of:
+        if getattr(said, option) is not None and name not in of:
             flag = f"--{option.replace('_', '-')}"
             raise FileFormatError(f"{path}: {name} has times of its own, so {flag} is not for it; leave it out.")
-    found = FORMATS[name].read(path, content, reading)
+    found = FORMATS[name].read(path, content, said)
     if len(found) > MAX_MOVEMENTS:
         raise FileFormatError(f"{path}: holds {len(found)} movements, expected at most {MAX_MOVEMENTS}.")
-    if reading.movement is not None:
-        if reading.movement > len(found):
-            raise FileFormatError(f"{path}: has no movement {reading.movement}, but {len(found)} of them.")
-        found = [found[reading.movement - 1]]
+    if said.movement is not None:
+        if said.movement > len(found):
+            raise FileFormatError(f"{path}: has no movement {said.movement}, but {len(found)} of them.")
+        found = [found[said.movement - 1]]
     recordings = []
     for keys in found:
         called = path if len(found) == 1 else Path(f"{path}, {keys.place}")
-        motion, notes = to_motion(keys, called, dt_s, joints, reading, beyond=beyond)
+        motion, notes = to_motion(keys, called, dt_s, joints, said, beyond=beyond)
         recordings.append(Recording(motion, name, notes, keys.place))
     return recordings
 

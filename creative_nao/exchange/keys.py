@@ -98,7 +98,7 @@ class Keys:
     notes: list[str] = field(default_factory=list)
     faults: dict[str, str] = field(default_factory=dict)
     """What is wrong with a joint's column, told if the joint is wanted."""
-    lines: list[Sequence[int]] | None = None
+    lines: Sequence[Sequence[int]] | None = None
     """For each joint the line of each key, where the file has one a line."""
     seconds_known: bool = False
     """Whether the file itself says in which unit its times are."""

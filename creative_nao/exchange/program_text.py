@@ -185,7 +185,7 @@ def names_in(words: list[str], kinds: list[str]) -> set[str]:
 
 
 _DEGREE = math.pi / 180
-_CONSTANTS = dict.fromkeys(("math.pi", "numpy.pi", "np.pi", "almath.PI"), math.pi)
+_CONSTANTS: dict[str, float] = dict.fromkeys(("math.pi", "numpy.pi", "np.pi", "almath.PI"), math.pi)
 _CONSTANTS |= dict.fromkeys(("almath.TO_RAD", "motion.TO_RAD", "TO_RAD"), _DEGREE)
 _TO_RADIANS = {"math.radians", "radians", "np.deg2rad", "numpy.deg2rad", "np.radians", "numpy.radians"}
 
@@ -196,7 +196,7 @@ def evaluate(words: list[str], kinds: list[str], value_of: Callable[[str], Any],
     `value_of` gives the values of names; `count` is told of each list how long it is.
     """
     if name := dotted(words):
-        known = {"True": True, "False": False, "None": None, **_CONSTANTS}
+        known: dict[str, Any] = {"True": True, "False": False, "None": None} | _CONSTANTS
         return known[name] if name in known else value_of(name)
     if "f-string" in kinds or not words:
         raise ValueError("an expression")

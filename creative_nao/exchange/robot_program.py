@@ -87,7 +87,7 @@ class _Follower:
         self.tracked = self._reached()
         self.waiting: dict[int, list[Statement]] = {}
         self.ran: set[int] = set()
-        self.found: list[tuple[Any, Any, Any, int]] = []
+        self.found: list[tuple[list[Any], int]] = []  # names, times and keys, and the line
         self.filled: dict[str, tuple[_Place, int]] = {}
         self.relative = 0
         self.notes: list[str] = []
@@ -136,7 +136,7 @@ class _Follower:
         if not self.found:
             self._nothing()
         movements = []
-        for names, times, keys, line in self.found:
+        for (names, times, keys), line in self.found:
             movement = keys_of(self.path, names, times, keys)
             movement.place = f"line {line}"
             movement.notes += self.notes
@@ -405,13 +405,13 @@ class _Follower:
         blocked = one.condition()
         if blocked is not None and blocked.words[0] in ("for", "while"):
             self.notes.append(f"line {one.line} is in the loop of line {blocked.line}; read once")
-        self._keep(*(self._copied(values[place]) for place in _PLAYS[method]), one.line)
+        self._keep([self._copied(values[place]) for place in _PLAYS[method]], one.line)
 
-    def _keep(self, names: Any, times: Any, keys: Any, line: int) -> None:
-        if self.found and (names, times, keys) == self.found[-1][:3]:
+    def _keep(self, played: list[Any], line: int) -> None:
+        if self.found and played == self.found[-1][0]:
             self.notes.append(f"line {line} plays the same again; read once")
         else:
-            self.found.append((names, times, keys, line))
+            self.found.append((played, line))
         if max(len(self.found), len(self.notes)) > MAX_MOVEMENTS:
             raise self.fault(line, f"more than {MAX_MOVEMENTS} movements or things to say about them")
 
@@ -438,7 +438,7 @@ class _Follower:
         if self.relative:
             raise self.fault(self.relative, "angles are relative; expected absolute ones")
         first = self.filled["names"][1]
-        self._keep(*(self._copied(held[name]) for name in ("names", "times", "keys")), first)
+        self._keep([self._copied(held[name]) for name in ("names", "times", "keys")], first)
         self.filled = {}
 
 
