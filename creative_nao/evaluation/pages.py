@@ -185,16 +185,16 @@ def env_label(env: str) -> str:
 def figure(row: Mapping[str, Any], column: Column) -> tuple[str, str]:
     """Return mean and interval of a row's field as text; a dash where there is none."""
     scale = 100.0 if column.field == "oracle_share" else 1.0
-    mean, _, below = interval(row[column.field], column.digits, scale=scale).partition(" ")
+    mean, _, below = interval(row.get(column.field), column.digits, scale=scale).partition(" ")
     return mean, below
 
 
 def cells(row: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return the cells of a row after agent and environment: a figure each, and what stands below it."""
-    trained, seconds, imagined = row["n_actions_training"], row["seconds_training"], row["n_imagined"]
+    trained, seconds, imagined = row["n_actions_training"], row["seconds_training"], row.get("n_imagined", 0.0)
     further = [f"+ {imagined:,.0f} imagined"] * (imagined > 0) + [f"+ {trained:,} training"] * (trained > 0)
     return [
-        (row["track"], ""),
+        (row.get("track", DASH), ""),
         *(figure(row, column) for column in MEASURED_COLUMNS),
         (str(row["n_actions"]), " ".join(further)),
         (f"{row['seconds']:.1f}", f"+ {seconds:.0f} training" if seconds else ""),
@@ -213,7 +213,7 @@ def summary_cells(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
         interval(versus and versus["probability_of_improvement"], 0, scale=100.0),
     ]
     return [
-        (entry["track"] or DASH, ""),
+        (entry.get("track") or DASH, ""),
         (imagined_per_performed(entry), ""),
         *((mean, below) for mean, _, below in (text.partition(" ") for text in texts)),
         (f"{versus['n_memories_ahead']} of {entry['n_memories']}" if versus else DASH, ""),
