@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from creative_nao.errors import FileFormatError
+from creative_nao.exchange.keys import text_of
 
 MAX_NESTED = 50  # brackets and blocks within each other
 _HEADERS = {"if", "elif", "else", "for", "while", "try", "except", "finally", "with", "def", "class", "async"}
@@ -61,6 +62,15 @@ class Statement:
                 return above
             above = above.parent
         return None
+
+
+def decoded(path: Path, content: bytes) -> str:
+    """Return a program's text: UTF-8, or the western encoding that one of its first two lines declares (PEP 263)."""
+    head = b"\n".join(content.split(b"\n", 2)[:2])
+    declared = re.search(
+        rb"^[ \t\f]*#.*?coding[:=][ \t]*(latin-?1|iso-8859-15?|cp1252|windows-1252)\b", head, re.M | re.I
+    )
+    return content.decode(declared[1].decode(), "replace") if declared else text_of(path, content)
 
 
 def statements_of(path: Path, text: str) -> list[Statement]:

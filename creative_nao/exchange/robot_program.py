@@ -14,8 +14,8 @@ from typing import Any
 
 from creative_nao.errors import FileFormatError
 from creative_nao.exchange.choregraphe import keys_of
-from creative_nao.exchange.keys import MAX_MOVEMENTS, NOTHING_SAID, Keys, Reading, text_of
-from creative_nao.exchange.program_text import Statement, dotted, evaluate, names_in, parts_of, statements_of
+from creative_nao.exchange.keys import MAX_MOVEMENTS, NOTHING_SAID, Keys, Reading
+from creative_nao.exchange.program_text import Statement, decoded, dotted, evaluate, names_in, parts_of, statements_of
 
 MAX_PYTHON_BYTES = 600_000
 MAX_CELLS = 1_000_000  # of all lists that are played or made
@@ -60,7 +60,7 @@ def read_python(path: Path, content: bytes, reading: Reading = NOTHING_SAID) -> 
         raise FileFormatError(
             f"{path}: has {len(content)} bytes, expected at most {MAX_PYTHON_BYTES} of a Python file."
         )
-    return _Follower(path, statements_of(path, text_of(path, content))).movements()
+    return _Follower(path, statements_of(path, decoded(path, content))).movements()
 
 
 class _Parameter(_Unknown):

@@ -154,6 +154,13 @@ def test_programs_are_followed(name, tmp_path):
     np.testing.assert_allclose([one.angles[0] for one in found], expected)
 
 
+def test_a_program_may_declare_its_encoding(tmp_path):
+    text = "#!/usr/bin/env python\n# -*- coding: latin-1 -*-\n# geste d'\u00e9t\u00e9\n" + KEYS + PLAY
+    assert len(FORMATS["naoqi"].read(tmp_path / "a.py", text.encode("latin-1"))) == 1
+    with pytest.raises(FileFormatError, match="is not UTF-8 text"):
+        FORMATS["naoqi"].read(tmp_path / "a.py", text.replace("latin-1", "utf-8").encode("latin-1"))
+
+
 NOT_FOLLOWED = {
     "motion.angleInterpolation(names, keys, times, False)": "line 4: angles are relative",
     "no = 0\nmotion.angleInterpolation(names, keys, times, no)": "line 5: angles are relative",
