@@ -68,6 +68,7 @@ class SB3VecEnv(VecEnv):
         """Begin all episodes, each with the seed and the options set for it before, which are then used up."""
         if len(self._options) != self.num_envs:
             raise SettingsError(f"`options` should be {self.num_envs}, one a copy, but are {len(self._options)}")
+        observations: Any = None
         infos: dict[str, Any] = {}
         if all(options == self._options[0] for options in self._options):
             seeds: list[int | None] | None = None if all(seed is None for seed in self._seeds) else list(self._seeds)

@@ -245,7 +245,7 @@ class MujocoContext:
 
 
 def start_backend(backend: str, width: int, height: int) -> EGLContext | MujocoContext:
-    """Start one of `ON`; each fails in its own way, down to missing C symbols."""
+    """Start one of `ON`."""
     return EGLContext() if backend == "egl" else MujocoContext(backend, width, height)
 
 
@@ -261,18 +261,17 @@ def start(width: int, height: int) -> EGLContext | MujocoContext:
             "OpenGL does not survive a fork, and the parent of this process has drawn; start workers by `spawn` or "
             "`forkserver`, or draw in them alone"
         )
-    backend = os.environ.get("MUJOCO_GL", "").strip().lower()
-    other = working_backend() if sys.platform.startswith("linux") else "glfw"
-    if backend not in ON:
-        backend = "egl" if other == "disable" else other
-    try:
-        context = start_backend(backend, width, height)
-    except Exception as error:
-        if other in (backend, "disable"):
-            raise MissingDependencyError(f"{HOW_TO_DRAW} (MUJOCO_GL={asked or backend}: {error}).") from error
-        context = start_backend(other, width, height)
-    _began = True
-    return context
+    word = os.environ.get("MUJOCO_GL", "").strip().lower()
+    first, works = None, working_backend() if sys.platform.startswith("linux") else "glfw"
+    for backend in dict.fromkeys(name for name in (word, works, "egl") if name in ON):
+        try:
+            context = start_backend(backend, width, height)
+        except Exception as error:  # each fails in its own way, down to missing C symbols
+            first = first or error
+        else:
+            _began = True
+            return context
+    raise MissingDependencyError(f"{HOW_TO_DRAW} (MUJOCO_GL={asked or word or works}: {first}).") from first
 
 
 def free_later(owner: Any, context: EGLContext | MujocoContext, drawing: Any) -> weakref.finalize[Any, Any]:

@@ -478,7 +478,8 @@ from stable_baselines3.common.vec_env import VecVideoRecorder
 from creative_nao.envs import SB3VecEnv
 out, name, small = sys.argv[1], "CreativeNao/BoxingMental-v0", {"width": 64, "height": 48, "n_actions": 3}
 env = RecordVideo(gym.make(name, render_mode="rgb_array", **small), out + "/one")
-envs = vector.RecordVideo(gym.make_vec(name, 2, render_mode="rgb_array", **small), out + "/many", lambda k: True)
+envs = gym.make_vec(name, 2, render_mode="rgb_array", **small)
+envs = vector.RecordVideo(envs, out + "/many", episode_trigger=lambda k: True)
 for each, n in ((env, 3), (envs, 5)):
     each.reset(seed=0)
     for _ in range(n):
