@@ -134,12 +134,6 @@ class KeyframeSet:
         faults = [line for line in (draft.fault() for draft in self.drafts) if line]
         if len(self.drafts) < 2:
             return [*faults, "a memory needs two demonstrations or more; add one, or the mirror image of the first"]
-        every = np.concatenate([draft.trajectory() for draft in self.drafts])
-        still = [joint for joint, span in zip(JOINTS, np.ptp(every, axis=0), strict=True) if not span > 0]
-        if still:
-            faults.append(
-                f"{', '.join(still)} never moves in any demonstration; add a mirror image, or move it somewhere"
-            )
         return faults
 
     def advice(self) -> list[str]:
@@ -147,6 +141,10 @@ class KeyframeSet:
         if len(self.drafts) < 2:
             return []
         lines, names = [], [spoken(draft.name) for draft in self.drafts]
+        every = np.concatenate([draft.trajectory() for draft in self.drafts])
+        still = [joint for joint, span in zip(JOINTS, np.ptp(every, axis=0), strict=True) if not span > 0]
+        if still:
+            lines.append(f"{', '.join(still)} never moves in any demonstration and is learned as still")
         starts = np.array([draft.keys[0].posture for draft in self.drafts])
         for name, away in zip(names, np.abs(starts - starts.mean(axis=0)), strict=True):
             if away.max() > START_TOLERANCE_RAD:
