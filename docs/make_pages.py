@@ -5,6 +5,7 @@ The sentences stand in `docs/templates`. `docs/publish_results.py` brings finish
 
 from __future__ import annotations
 
+import functools
 import importlib
 import inspect
 import json
@@ -275,6 +276,11 @@ def bill_of_materials() -> dict[str, Any]:
     packages = _closure(EXTRAS)
     root = _component(PROJECT["name"], PROJECT["version"], [{"expression": PROJECT["license"]}], "application")
     parts = {name: _component(name, one.version, _cyclonedx_licence(one)) for name, one in packages.items()}
+    for part in parts.values():
+        if digest := _locked().get((part["name"], part["version"])):
+            part["hashes"] = [{"alg": "SHA-256", "content": digest}]
+    ranges = [{"name": "range", "value": str(need)} for need in PROJECT["dependencies"]]
+    root["properties"] = ranges
     needs = {root["bom-ref"]: _needed(_declared(EXTRAS))}
     needs |= {parts[name]["bom-ref"]: _needed(one.requires or ()) for name, one in packages.items()}
     return {
@@ -289,6 +295,14 @@ def bill_of_materials() -> dict[str, Any]:
             for reference, wanted in needs.items()
         ],
     }
+
+
+@functools.cache
+def _locked() -> dict[tuple[str, str], str]:
+    """Return the SHA-256 of each file of .ci/lock.txt by package and version."""
+    lines = (DOCS.parent / ".ci" / "lock.txt").read_text(encoding="utf-8").splitlines()
+    found = re.findall(r"^(\S+)==(\S+) --hash=sha256:(\w+)$", "\n".join(lines), re.MULTILINE)
+    return {(name, version): digest for name, version, digest in found}
 
 
 def _cyclonedx_licence(package: Distribution) -> list[dict]:

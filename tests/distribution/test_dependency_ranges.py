@@ -67,3 +67,16 @@ def test_the_python_versions_told_are_those_allowed():
 
     assert told
     assert [minor for minor in range(30) if allowed.contains(f"3.{minor}.0")] == [one.minor for one in told]
+
+
+def test_the_lock_names_every_dependency_in_its_range_with_a_hash_and_no_cuda():
+    """`.ci/lock` writes it; `.ci/locked` installs it."""
+    lines = [line for line in (ROOT / ".ci" / "lock.txt").read_text(encoding="utf-8").splitlines() if line[0] != "#"]
+    found = [re.fullmatch(r"([\w.-]+)==(\S+) --hash=sha256:[0-9a-f]{64}", line) for line in lines]
+    assert all(found)
+    locked = {one[1].replace("_", "-"): Version(one[2]) for one in found}
+    for need in EVERY:
+        if need.marker is None or need.marker.evaluate({"python_version": "3.11"}):
+            assert need.specifier.contains(locked[need.name.lower()]), need
+    assert not [name for name in locked if name.startswith("nvidia")]
+    assert locked["torch"].local == "cpu"

@@ -3,6 +3,7 @@
 
 export const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
 const floats = (text) => new Float32Array(bytes(text).buffer);
+const { fround } = Math;
 const clamp = (value, low = -1, high = 1) => Math.min(high, Math.max(low, value));
 export const letter = (place) => String.fromCharCode(65 + (place % 26));
 export const COLOURS = ["#004FE5", "#E97E00", "#009E73", "#8B2F00", "#66D6FF", "#EDD912"];
@@ -38,39 +39,51 @@ export class Memory {
     this.basic = this.demonstrations.map((rows) => Float64Array.from(rows.flat()));
   }
 
-  // Joint angles [rad], one row of joints a tick; pbAt(tick) is the PB that drives this tick.
+  // Joint angles [rad], one row of joints a tick; pbAt(tick) is the PB that drives this tick. The closed loop amplifies
+  // rounding, so this rounds as model/compiled_generation.py does: float32, each sum one multiply-add after the other.
   generate(pbAt, nSteps = this.nSteps) {
     const { nHidden, nCodes, nFast, nUnits, rate, weights: w } = this;
-    const u = new Float64Array(nHidden);
-    let [y, next] = [new Float64Array(nHidden), new Float64Array(nHidden)];
-    let [code, predicted] = [Float64Array.from(this.firstCode), new Float64Array(nCodes)];
+    const u = new Float32Array(nHidden);
+    let [y, next] = [new Float32Array(nHidden), new Float32Array(nHidden)];
+    let [code, predicted] = [this.firstCode.slice(), new Float32Array(nCodes)];
     const angles = [Float64Array.from(this.firstPosture)];
     for (let tick = 1; tick < nSteps; tick++) {
       for (let j = 0; j < nCodes; j++) {
         let sum = w.b_out[j];
-        for (let i = 0, at = j * nFast; i < nFast; i++) sum += y[i] * w.out[at + i];
+        for (let i = 0, at = j * nFast; i < nFast; i++) sum = fround(y[i] * w.out[at + i] + sum);
         predicted[j] = sum;
       }
-      softmax(predicted, nUnits);
-      const [pb1, pb2] = pbAt(tick);
+      const [pb1, pb2] = pbAt(tick).map(fround);
       for (let i = 0; i < nHidden; i++) {
-        let sum = w.b_hidden[i] + pb1 * w.w_pb[i] + pb2 * w.w_pb[nHidden + i];
-        for (let k = 0, at = i * nHidden; k < nHidden; k++) sum += y[k] * w.hidden[at + k];
-        if (i < nFast) for (let k = 0, at = i * nCodes; k < nCodes; k++) sum += code[k] * w.in[at + k];
-        u[i] += rate[i] * (sum - u[i]);
-        next[i] = Math.tanh(u[i]);
+        let sum = fround(pb2 * w.w_pb[nHidden + i] + fround(pb1 * w.w_pb[i] + w.b_hidden[i]));
+        if (i < nFast) for (let k = 0, at = i * nCodes; k < nCodes; k++) sum = fround(code[k] * w.in[at + k] + sum);
+        for (let k = 0, at = i * nHidden; k < nHidden; k++) sum = fround(y[k] * w.hidden[at + k] + sum);
+        u[i] = fround(fround(1 - rate[i]) * u[i] + fround(rate[i] * sum));
+        next[i] = tanh32(u[i]);
       }
+      angles.push(this.decode(predicted));
       [y, next] = [next, y];
       [code, predicted] = [predicted, code];
-      angles.push(this.decode(code));
     }
     return angles;
   }
 
+  // Turn summed inputs into shares of each joint's units, in place, and these into angles.
   decode(code) {
     const angles = new Float64Array(this.nJoints);
-    for (let joint = 0, at = 0; joint < this.nJoints; joint++) {
-      for (let k = 0; k < this.nUnits; k++, at++) angles[joint] += code[at] * this.references[at];
+    for (let joint = 0, first = 0; joint < this.nJoints; joint++, first += this.nUnits) {
+      const end = first + this.nUnits;
+      let top = code[first];
+      for (let k = first; k < end; k++) top = Math.max(top, code[k]);
+      let total = 0;
+      for (let k = first; k < end; k++) total = fround(total + (code[k] = exp32(fround(code[k] - top))));
+      const inverse = fround(1 / total);
+      let angle = 0;
+      for (let k = first; k < end; k++) {
+        code[k] *= inverse;
+        angle = fround(code[k] * this.references[k] + angle);
+      }
+      angles[joint] = angle;
     }
     return angles;
   }
@@ -157,14 +170,23 @@ const hits = ({ hits }) => {
   return `${hits.length} ${hits.length > 1 ? "hits" : "hit"} of the bag, the hardest with ${hardest.toFixed(0)} N.`;
 };
 
-function softmax(values, size) {
-  for (let start = 0; start < values.length; start += size) {
-    const group = values.subarray(start, start + size);
-    const most = group.reduce((a, b) => Math.max(a, b));
-    let total = 0;
-    for (let k = 0; k < size; k++) total += group[k] = Math.exp(group[k] - most);
-    for (let k = 0; k < size; k++) group[k] /= total;
-  }
+const polynomial = (x, factors) => factors.reduce((sum, factor) => fround(sum * x + factor));
+const EXP = [1 / 5040, 1 / 720, 1 / 120, 1 / 24, 1 / 6, 0.5, 1, 1].map(fround);
+const TANH_P = [1.318426523511107e-8, 2.0471863535931334e-5, 0.003486584173515439, 0.13373199105262756, 0.9999998807907104].map(fround);
+const TANH_Q = [7.702681159571512e-7, 0.00032713887048885226, 0.025841986760497093, 0.4670649766921997, 1].map(fround);
+const [PER_LN_2, LN_2_HIGH, LN_2_LOW] = [1.4426950408889634, 0.693359375, -2.12194440e-4].map(fround);
+
+// As model/simd.py has them.
+function exp32(value) {
+  const x = Math.max(value, -87);
+  const n = Math.floor(fround(x * PER_LN_2 + 0.5));
+  return fround(polynomial(fround(fround(x - n * LN_2_HIGH) - n * LN_2_LOW), EXP) * 2 ** n);
+}
+
+function tanh32(value) {
+  const x = Math.min(Math.max(value, -9), 9);
+  const z = fround(x * x);
+  return fround(fround(x * polynomial(z, TANH_P)) / polynomial(z, TANH_Q));
 }
 
 function transposed(matrix, rows, columns) {
