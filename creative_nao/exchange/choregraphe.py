@@ -181,7 +181,7 @@ def write_script(motion: Motion, path: Path) -> list[str]:
     return [*notes, f"the first posture is reached after {motion.lead_s():g} s"]
 
 
-MAX_ELEMENTS = 500_000
+MAX_XML_BYTES, MAX_ELEMENTS = 8_000_000, 250_000
 MAX_DEPTH = 100  # elements within each other; boxes of boxes have some ten
 _CURVE_UNITS = {"0": "degrees", "degree": "degrees", "degrees": "degrees", "deg": "degrees"}
 _CURVE_UNITS |= {"radian": "radians", "radians": "radians", "rad": "radians"}
@@ -216,6 +216,8 @@ class _Xml:
     def parse(self, content: bytes) -> None:
         from xml.parsers.expat import ExpatError
 
+        if len(content) > MAX_XML_BYTES:
+            raise FileFormatError(f"{self.path}: has {len(content)} bytes, expected at most {MAX_XML_BYTES} of XML.")
         try:
             self.parser.Parse(content, True)
         except ExpatError as error:

@@ -20,7 +20,7 @@ from creative_nao.agents import callbacks, tuning
 from creative_nao.demonstrations import take
 from creative_nao.errors import CreativeNaoError
 from creative_nao.evaluation import suites
-from creative_nao.exchange import formats, robot_program
+from creative_nao.exchange import choregraphe, formats, robot_program
 from creative_nao.explorer import favourites
 
 LONGEST_S = 2.0
@@ -259,7 +259,7 @@ GROWING = {
     "motion_npz": (ARCHIVE, formats.MAX_FILE_BYTES),
     "motion_states": (YAML, formats.MAX_FILE_BYTES),
     "motion_program": (PYTHON, robot_program.MAX_PYTHON_BYTES),
-    **dict.fromkeys(("motion_timeline", "motion_postures"), (XML, formats.MAX_FILE_BYTES)),
+    **dict.fromkeys(("motion_timeline", "motion_postures"), (XML, choregraphe.MAX_XML_BYTES)),
     "take_csv": (TABLE, take.MAX_TAKE_BYTES),
     "take_bvh": (BVH, take.MAX_TAKE_BYTES),
 }
