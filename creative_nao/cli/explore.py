@@ -6,6 +6,7 @@ import csv
 import io
 import itertools
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from creative_nao.storage import note_unsealed, read_text
 
 INSTALL = 'pip install "creative-nao[explore]"'
 MAX_AGENT_POINTS = 5000
-MAX_LINE = 100_000  # characters of the first line of a table
+MAX_LINE = 10_000  # characters of a line of a table
 CHOSEN = ("pb_1", "pb_2")
 """Columns with the PB point of an action."""
 
@@ -99,11 +100,8 @@ def choices(folder: Path) -> np.ndarray:
     if not path.is_file():
         raise NotFoundError(f"no {path}; --run takes a folder that `creative-nao evaluate` wrote")
     text = read_text(path, "table of episodes")
-    if text.find("\n", 0, MAX_LINE) < 0:
-        raise FileFormatError(f"{path}: its first line should have at most {MAX_LINE} characters")
     _check_sum(path)
-    # Empty lines count too: a file of nothing else is not read to its end.
-    reader = csv.DictReader(itertools.islice(io.StringIO(text, newline=""), 2 * MAX_AGENT_POINTS))
+    reader = csv.DictReader(_lines(path, text))
     points = []
     try:
         for name in CHOSEN:
@@ -118,6 +116,14 @@ def choices(folder: Path) -> np.ndarray:
         raise FileFormatError(f"{path}: line {reader.line_num}: not a line of CSV ({error})") from None
     found = np.array(points, dtype=np.float64).reshape(-1, len(CHOSEN))
     return found[(np.abs(found) <= 1).all(axis=1)]  # an agent may ask for a point that is on no map
+
+
+def _lines(path: Path, text: str) -> Iterator[str]:
+    """Yield the first lines of a table; empty ones count too: a file of nothing else is not read to its end."""
+    for number, line in enumerate(itertools.islice(io.StringIO(text, newline=""), 2 * MAX_AGENT_POINTS), start=1):
+        if len(line) > MAX_LINE:
+            raise FileFormatError(f"{path}: line {number}: has {len(line)} characters, expected at most {MAX_LINE}")
+        yield line
 
 
 def _check_sum(path: Path) -> None:

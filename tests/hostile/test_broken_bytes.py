@@ -13,10 +13,12 @@ from safetensors.numpy import load, save
 from victims import ARCHIVES, KINDS, TENSORS
 
 from creative_nao.arrays import load_tensors, read_npz, save_tensors
+from creative_nao.cli.explore import choices
 from creative_nao.errors import CreativeNaoError, FileFormatError
 from creative_nao.maps import PBMap
 from creative_nao.model import Memory
 from creative_nao.model.memory import PRETRAINED
+from creative_nao.runtime import sha256
 from creative_nao.storage import note_unsealed, read_json, write_json
 
 N_CUTS = 200
@@ -176,6 +178,18 @@ def test_what_is_made_by_hand_of_a_file_is_read_without_its_checksum(tmp_path):
     edited.pop("sha256")
     path.write_text(json.dumps(edited))
     assert read_json(path, "session")["favourites"] == [2]
+
+
+def test_a_table_of_episodes_is_held_against_its_hash_in_the_record(victims, tmp_path, caplog):
+    table = tmp_path / "episodes.csv"
+    table.write_bytes(victims["episodes"].path.read_bytes())
+    values = {**read_json(victims["record"].path, "record"), "hashes": {table.name: sha256(table)}}
+    write_json(tmp_path / "run.json", values)
+    assert len(choices(tmp_path)) == 2
+    assert caplog.records == []
+    table.write_bytes(table.read_bytes().replace(b"0.25", b"0.26"))
+    with pytest.raises(FileFormatError, match=r"episodes\.csv: damaged, or changed by hand: .* in run\.json"):
+        choices(tmp_path)
 
 
 def test_equal_content_has_equal_bytes_with_its_checksums(tmp_path):
