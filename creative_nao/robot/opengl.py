@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import importlib
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -287,14 +288,20 @@ def _free(context: EGLContext | MujocoContext, drawing: Any, pid: int) -> None:
             context.free()
 
 
+def _others_began() -> bool:
+    """Tell whether MuJoCo's own renderer or dm_control has started OpenGL."""
+    contexts = getattr(sys.modules.get("dm_control._render.base"), "_CURRENT_CONTEXT_FOR_THREAD", {})
+    return getattr(sys.modules.get("mujoco.egl"), "EGL_DISPLAY", None) is not None or any(contexts.values())
+
+
 def _after_fork() -> None:
     """Begin anew in a forked process; remember whether OpenGL, here or elsewhere, had been started in the parent."""
     global lock, _inherited
     lock = threading.RLock()
-    theirs = getattr(sys.modules.get("mujoco.egl"), "EGL_DISPLAY", None) is not None
-    contexts = getattr(sys.modules.get("dm_control._render.base"), "_CURRENT_CONTEXT_FOR_THREAD", {})
-    _inherited = _inherited or _began or theirs or any(contexts.values())
+    _inherited = _inherited or _began or _others_began()
 
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_after_fork)
+    # In a worker that was forked before this was imported, what others began is the parent's.
+    _inherited = multiprocessing.parent_process() is not None and _others_began()

@@ -183,6 +183,43 @@ def test_a_worker_forked_after_the_parent_has_drawn_draws_in_software(attempt, a
     assert "Traceback" not in errors
 
 
+DRAWN_BY_OTHERS = """
+import multiprocessing, sys
+if sys.argv[1] == "mujoco":
+    import mujoco
+    renderer = mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 32, 32)
+else:
+    from dm_control import suite
+    env = suite.load("cartpole", "swingup")
+    env.physics.render(32, 32)
+
+def draw(queue):
+    import creative_nao, gymnasium
+    env = gymnasium.make("CreativeNao/BoxingMental-v0", render_mode="rgb_array", width=64, height=48)
+    env.reset()
+    queue.put(env.render().shape)
+
+context = multiprocessing.get_context("fork")
+queue = context.Queue()
+context.Process(target=draw, args=(queue,)).start()
+print(queue.get(timeout=60))
+"""
+
+
+@pytest.mark.slow
+@needs_gl
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+@pytest.mark.parametrize("library", ["mujoco", "dm_control"])
+def test_a_worker_forked_after_another_library_has_drawn_draws_in_software(attempt, library):
+    if library == "dm_control":
+        pytest.importorskip("dm_control", reason="pip cannot install it on Python 3.13")
+    attempt("drawing", "a forked worker after another library has drawn in the parent", "a frame in software")
+    code, said, errors = run(DRAWN_BY_OTHERS, library, MUJOCO_GL="egl")
+    assert code == 0, errors
+    assert said == "(48, 64, 3)\n"
+    assert "OpenGL does not survive a fork" in errors
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("display", ["", ":77"])
 def test_human_without_a_display_leaves_python_alive(display):
