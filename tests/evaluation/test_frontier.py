@@ -111,6 +111,7 @@ def test_the_shipped_oracle_is_what_a_search_of_the_map_finds(name):
 @pytest.mark.slow
 def test_a_run_tells_both_budgets_tracks_and_worth_and_verifies(tmp_path):
     values = {**SMALL, "agents": ["random", "spread@1", "plan@4"], "n_imagined": [1, 4], "n_actions": 6}
+    values["memories"] = ["half/10", "open/10"]
     suite = suite_from_values({**values, "baseline": "random@1"}, where="here")
     done = evaluate(suite, tmp_path / "run", executor=LocalExecutor(1), command="creative-nao evaluate small")
     rows = {row["agent"]: row for row in done.results["rows"]}
@@ -127,7 +128,7 @@ def test_a_run_tells_both_budgets_tracks_and_worth_and_verifies(tmp_path):
     assert [(k, track) for k, track, _ in by_budget(done.results["summary"])] == [
         (1, "outcomes"), (4, "outcomes"), (4, "trajectories"),
     ]  # fmt: skip
-    assert "worth" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "Worth imaginings" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     checked = verify(tmp_path / "run" / "results.json", n_sample=3, executor=LocalExecutor(1))
     assert checked.holds
     assert checked.exact
