@@ -51,7 +51,7 @@ def save_tensors(
     `kind` says what the file holds, for example ``memory``; it is checked when the file is read.
     """
     tensors = {name: np.asarray(one, one.dtype.newbyteorder("="), order="C") for name, one in tensors.items()}
-    digests = {name: hashlib.sha256(array).hexdigest() for name, array in tensors.items()}
+    digests = {name: hashlib.sha256(array.tobytes()).hexdigest() for name, array in tensors.items()}
     content = _packed({"kind": kind, SEAL: BLANK, _OF_ARRAYS: digests, **header}, tensors)
     end = 8 + int.from_bytes(content[:8], "little")
     return write_bytes(checked_path(path), sealed(content[:end]) + content[end:])

@@ -260,7 +260,7 @@ def evaluate_agent(
     return tuple(episodes)
 
 
-def told_measures(info: Mapping[str, Any]) -> dict[str, float | None]:
+def told_measures(info: Mapping[str, Any]) -> dict[str, Any]:
     """Return the `MEASURES` that the last `info` of an episode tells; None for what is missing or NaN."""
     found = {name: info.get("episode_measures", {}).get(name) for name in MEASURES}
     return {name: None if value is None or math.isnan(value) else float(value) for name, value in found.items()}

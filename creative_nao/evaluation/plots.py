@@ -210,9 +210,9 @@ def frontier(results: Mapping[str, Any]) -> Figure:
             lines.setdefault(split_name(entry["agent"])[0], []).append(entry)
         for agent, line in sorted(lines.items(), key=lambda item: -item[1][-1]["reward"]["mean"]):
             x, y = [entry["n_candidates"] for entry in line], [entry["reward"]["mean"] for entry in line]
-            ends = [[entry["reward"][end] for entry in line] for end in ("low", "high")]
-            if None not in (*ends[0], *ends[1]):
-                ax.vlines(x, *ends, color=agent_colour(agent), linewidth=3.5, alpha=0.5)
+            low, high = ([entry["reward"][end] for entry in line] for end in ("low", "high"))
+            if None not in (*low, *high):
+                ax.vlines(x, low, high, color=agent_colour(agent), linewidth=3.5, alpha=0.5)
             _line(ax, np.array(x), np.array(y), agent, width=3.0 if agent == CURVE else 1.5)
         if best := [entry["regret"] + entry["reward"]["mean"] for entry in entries if entry["regret"] is not None]:
             ax.axhline(best[0], label="oracle (knows the map)", **ORACLE)

@@ -101,7 +101,7 @@ def random_streams(base_seed: int, seed: int, agent: str) -> tuple[np.random.Gen
 
 def play(
     agent: Agent, env: gym.Env, *, env_id: str, memory: str, seed: int, base_seed: int = 0, n_actions: int = 30,
-    oracle_set: Sequence[np.ndarray] | None = None,
+    oracle_set: Sequence[np.ndarray] | np.ndarray | None = None,
 ) -> Episode:  # fmt: skip
     """Let `agent` play one episode.
 
@@ -154,7 +154,7 @@ def play(
     )
 
 
-def coverage_pct(found: Sequence[np.ndarray], oracle_set: Sequence[np.ndarray]) -> float:
+def coverage_pct(found: Sequence[np.ndarray], oracle_set: Sequence[np.ndarray] | np.ndarray) -> float:
     """Return of how many of the oracle's movements one alike was found [%]: as alike as what counts as learned."""
     if not len(found) or not len(oracle_set):
         return 0.0

@@ -385,7 +385,7 @@ def _over_seeds(found: dict[str, Any], values: np.ndarray) -> dict[str, Any]:
 def _mean_over(rows: Sequence[Row], field: str) -> float | None:
     """Return the mean of a field over memories; None where a row lacks it."""
     found = [row.get(field) for row in rows]
-    values = [value["mean"] if isinstance(value, Mapping) else value for value in found]
+    values: list[Any] = [value["mean"] if isinstance(value, Mapping) else value for value in found]
     return None if None in values else math.fsum(values) / len(values)
 
 

@@ -55,8 +55,8 @@ class SoftmaxEncoding:
             raise SettingsError("`high` should be at least `low` for each joint, but is not")
         self.n_units = n_units
         still = self.high - self.low <= MIN_SPAN_RAD
-        ends = (np.where(still, (self.low + self.high) / 2, end) for end in (self.low, self.high))
-        self.references = np.linspace(*ends, n_units, axis=1)  # (n_joints, n_units)
+        low, high = (np.where(still, (self.low + self.high) / 2, end) for end in (self.low, self.high))
+        self.references = np.linspace(low, high, n_units, axis=1)  # (n_joints, n_units)
         spacing = self.references[:, 1] - self.references[:, 0]
         self._width = sigma * spacing**2 if sigma_unit == "spacing2" else np.full_like(spacing, sigma)
         self._width[still] = 1.0  # every unit of such a joint has the same reference, so its code is even
