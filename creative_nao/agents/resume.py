@@ -143,8 +143,12 @@ def restore_random(model: Any, state: ResumeState) -> None:
     model.action_space.np_random.bit_generator.state = generator.bit_generator.state
     for name in _NOISE_MATRICES:
         if f"noise.{name}" in arrays:
-            present = getattr(_distribution(model), name)
-            found = _like(arrays, f"noise.{name}", None if present is None else _copied(present))
+            present = getattr(_distribution(model), name, None)
+            found = arrays[f"noise.{name}"].copy()
+            if present is not None and present.ndim == 3:  # a matrix for each copy; a new model has one
+                present = present[:1].expand(len(found) if len(found) in (1, model.n_envs) else 1, -1, -1)
+            if present is not None:
+                _like(arrays, f"noise.{name}", _copied(present))
             setattr(_distribution(model), name, torch.from_numpy(found))
 
 
