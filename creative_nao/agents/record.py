@@ -89,11 +89,11 @@ def record_dataset(
                 for _ in play_episode(agent, env, seed=seed, rng=np.random.default_rng(seed), options=options):
                     pass
                 actions, rewards, terminations, truncations = zip(*env.steps, strict=True)
+                arrays: dict[str, Any] = {"observations": np.array(env.observations), "actions": np.array(actions)}
                 buffers.append(
                     EpisodeBuffer(
-                        id=len(buffers), seed=seed, options=options, observations=np.array(env.observations),
-                        actions=np.array(actions), rewards=list(rewards), terminations=list(terminations),
-                        truncations=list(truncations),
+                        id=len(buffers), seed=seed, options=options, **arrays, rewards=list(rewards),
+                        terminations=list(terminations), truncations=list(truncations),
                     )
                 )  # fmt: skip
                 progress(len(buffers))
