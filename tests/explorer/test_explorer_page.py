@@ -220,7 +220,7 @@ def test_a_phone_scrolls_and_has_the_robot_on_top(visit, server):
 
 
 @pytest.mark.slow
-def test_half_an_hour_of_play_takes_no_more_memory(visit, server):
+def test_long_play_takes_no_more_memory(visit, server):
     tab = visit(server.url)
     session = tab.context.new_cdp_session(tab.page)
 
@@ -231,11 +231,11 @@ def test_half_an_hour_of_play_takes_no_more_memory(visit, server):
     def play(n):
         for _ in range(n):
             tab("() => document.querySelector('#surprise').click()")
-            tab.page.wait_for_timeout(20)
+            tab.page.wait_for_timeout(5)
 
-    play(200)
+    play(60)
     before = held()
-    play(2000)  # as many movements as half an hour of one a second
+    play(600)
     assert held() < 1.3 * before + 5_000_000
 
 
