@@ -47,7 +47,7 @@ def processor_s(browser_dir: Path) -> float:
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             if str(browser_dir).encode() in (folder / "cmdline").read_bytes():
-                fields = (folder / "stat").read_text().rpartition(")")[2].split()
+                fields = (folder / "stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
                 total += int(fields[11]) + int(fields[12])
         except OSError:
             continue

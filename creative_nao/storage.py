@@ -136,7 +136,7 @@ def alone(folder: str | os.PathLike[str], deadline_s: float = LOCK_S) -> Iterato
     if fcntl is None:
         yield
         return
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    handle = os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
     end = time.monotonic() + deadline_s
     try:
         while True:
@@ -182,7 +182,9 @@ def _open_plain(path: str | os.PathLike[str], flags: int) -> int:
 
 def open_plain(path: str | os.PathLike[str], mode: Literal["rb", "ab"] = "rb", *, follow: bool = True) -> BinaryIO:
     """Open a plain file; a pipe, device, socket or folder is an OSError, and unless told to `follow`, a link too."""
-    return open(path, mode, opener=lambda name, flags: _open_plain(name, flags | (0 if follow else _NO_LINK)))
+    return open(
+        path, mode, encoding=None, opener=lambda name, flags: _open_plain(name, flags | (0 if follow else _NO_LINK))
+    )
 
 
 def read_end(path: Path, most: int) -> str:

@@ -28,9 +28,9 @@ from creative_nao.errors import CreativeNaoError, SettingsError
 from creative_nao.evaluation.paper.bank import CONDITION_NAMES, Entry, Report, entry_of, shipped_bank, wanted_networks
 from creative_nao.evaluation.paper.claims import DECIDED_BY_TABLE_I, compare, values_of
 from creative_nao.evaluation.paper.page import SENSITIVITY
-from creative_nao.evaluation.paper.run import finish, write_json
+from creative_nao.evaluation.paper.run import finish
 from creative_nao.evaluation.paper.summary import mean_with_interval
-from creative_nao.evaluation.run import read_record, refuse_links
+from creative_nao.evaluation.run import only_plain_files, read_record
 from creative_nao.evaluation.runner import in_threads
 from creative_nao.evaluation.statistics import seed_sequence
 from creative_nao.exchange.motion import monotone_cubic
@@ -41,7 +41,7 @@ from creative_nao.measures.outcome import PAPER_CRITERIA
 from creative_nao.model import Memory, NetworkSettings, TrainingSettings, reproduction, train_many
 from creative_nao.model.training import TrainingState
 from creative_nao.runtime import usable_cores
-from creative_nao.storage import as_json, read_text
+from creative_nao.storage import as_json, read_text, write_json
 
 WINDOW_TICKS = 5
 """Sakoe-Chiba window of the variant: a tenth of an action's length."""
@@ -371,7 +371,7 @@ def run_study(
         SettingsError: If it is the folder of another evaluation, or a network has changed since.
     """
     run = read_record(folder)
-    refuse_links(folder)
+    only_plain_files(folder)
     if run["settings"].get("suite") != {"name": "paper"}:
         raise SettingsError(f"{folder} is no run folder of `creative-nao evaluate paper`")
     if not run.get("hashes"):

@@ -102,7 +102,7 @@ def _others_write(folder: Path) -> bool:
         found = here.stat()
     except OSError:
         return False
-    foreign = os.name == "posix" and found.st_uid not in (os.getuid(), 0)
+    foreign = hasattr(os, "getuid") and found.st_uid not in (os.getuid(), 0)
     return foreign or (os.name == "posix" and bool(found.st_mode & 0o022))
 
 

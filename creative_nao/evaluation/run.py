@@ -150,7 +150,7 @@ def input_hashes(suite: Suite) -> dict[str, str]:
     found = {name: _sha256(find_bundle(name)) for name in bundles if name is not None}
     if suite.taught is not None:
         for folder in filter(None, (suite.taught.demonstrations, *(one.demonstrations for one in suite.taught.sets))):
-            found |= {str(path): sha256(path) for path in sorted(filter(Path.is_file, Path(folder).iterdir()))}
+            found |= {str(path): sha256(path) for path in sorted(Path(folder).iterdir()) if not path.is_dir()}
     shipped = set(shipped_memories(None))
     for name in suite.memories:
         path = memory.PRETRAINED / f"{name.replace('/', '-')}.safetensors" if name in shipped else Path(name)
