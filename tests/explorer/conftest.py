@@ -3,12 +3,23 @@
 import pytest
 from visiting import CHROMIUM, FLAGS, PHYSICAL, Server, Visit
 
+from creative_nao.explorer.favourites import SessionFile
+from creative_nao.schema import save_json
+
 
 @pytest.fixture(scope="package")
 def server(tmp_path_factory):
     running = Server(tmp_path_factory.mktemp("explorer"), words=["--physical", str(PHYSICAL)])
     yield running
     running.stop()
+
+
+@pytest.fixture(autouse=True)
+def no_favourite_stays(request):
+    """Leave the one server without favourites: the next test may look for its own."""
+    yield
+    if "server" in request.fixturenames:
+        save_json(request.getfixturevalue("server").session, SessionFile(1, ()), indent=1, private=True)
 
 
 @pytest.fixture(scope="package")

@@ -28,7 +28,7 @@ class Server:
     def __init__(self, folder, port=None, words=(), memories=("half/0",)):
         self.port = port or free_port()
         self.url = f"http://127.0.0.1:{self.port}/"
-        self.log = folder / "server.log"
+        self.log, self.session = folder / "server.log", folder / "session.json"
         environment = {**os.environ, "CREATIVE_NAO_CACHE": str(folder / "cache")}
         with open(self.log, "wb") as log:
             self.process = subprocess.Popen(
@@ -42,7 +42,7 @@ class Server:
 
     def command(self, folder, words, memories):
         command = [sys.executable, "-m", "creative_nao", "explore", *memories, "--no-open", "--port", str(self.port)]
-        return [*command, "--resolution", "30", "--session", str(folder / "session.json"), *words]
+        return [*command, "--resolution", "30", "--session", str(self.session), *words]
 
     def answers(self):
         """Tell whether it listens."""
