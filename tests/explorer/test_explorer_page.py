@@ -73,6 +73,7 @@ def test_the_pointer_shows_a_card_with_a_small_robot(visit, server):
     assert card.is_hidden()
 
 
+@pytest.mark.slow
 def test_an_idle_page_draws_nothing(visit, server):
     tab = visit(server.url, plays=True)
     for x in (0.30, 0.31):
@@ -180,6 +181,7 @@ def test_two_memories_follow_one_pointer(visit, server):
     gone.errors.clear()  # the browser tells of the answer 404
 
 
+@pytest.mark.slow
 def test_the_tour_shows_surprises_and_ends(visit, server):
     tab = visit(server.url)
     tab.press("Take a tour")

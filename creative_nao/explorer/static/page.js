@@ -416,7 +416,7 @@ export async function favourites() {
     item.setAttribute("role", "listitem");
     return item;
   });
-  $("favourites").replaceChildren(...(items.length ? items : [make("span", { className: "small" }, "Keep what you like with the star.")]));
+  $("favourites").replaceChildren(...(items.length ? items : [make("span", { className: "small", role: "listitem" }, "Keep what you like with the star.")]));
   first.map.mark({ stars: app.favourites.map(({ points }) => points.at(-1)) });
 }
 
