@@ -79,6 +79,12 @@ def python_command(module: str, *arguments: str | os.PathLike[str]) -> list[str]
     return [sys.executable, "-P", "-c", code, *map(str, arguments)]
 
 
+def python_environment(**more: str) -> dict[str, str]:
+    """Return the environment of a child interpreter, with `more`; an empty part of PYTHONPATH is the current folder."""
+    parts = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, parts)), **more}
+
+
 def search_current_folder() -> None:
     """Let modules that the user named be found in the current folder too, after all others."""
     if (here := os.getcwd()) not in sys.path and "" not in sys.path:

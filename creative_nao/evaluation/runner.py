@@ -22,7 +22,7 @@ from creative_nao import __version__, storage
 from creative_nao.arrays import MAX_FILE_BYTES
 from creative_nao.errors import CreativeNaoError, MissingDependencyError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import PARENT, Job, read_result, write_result, write_spec
-from creative_nao.runtime import python_command, usable_cores
+from creative_nao.runtime import python_command, python_environment, usable_cores
 from creative_nao.schema import parse
 
 Item = TypeVar("Item")
@@ -191,7 +191,7 @@ def start_process(job: Job, folder: Path, log: Path | None = None) -> subprocess
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=output,
-            env={**os.environ, **ONE_THREAD, PARENT: str(os.getpid())},
+            env=python_environment(**ONE_THREAD, **{PARENT: str(os.getpid())}),
             # Ctrl-C reaches the runner alone; it stops its jobs itself.
             start_new_session=True,
         )

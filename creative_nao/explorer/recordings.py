@@ -18,7 +18,7 @@ import numpy as np
 from creative_nao.errors import CreativeNaoError, FileFormatError, NotFoundError, SettingsError
 from creative_nao.exchange import FORMATS, WRITABLE, Motion, Reading, Recording, read_content, write
 from creative_nao.joints import JOINTS
-from creative_nao.runtime import python_command
+from creative_nao.runtime import python_command, python_environment
 
 if TYPE_CHECKING:  # reading an upload needs no network
     from creative_nao.model import Memory
@@ -42,7 +42,9 @@ def read_upload(name: str, content: bytes, dt_s: float, deadline_s: float = READ
         raise FileFormatError(f"{shown}: a recording may have {MAX_UPLOAD_BYTES} bytes, this one has {len(content)}")
     command = python_command("creative_nao.explorer.recordings", shown, repr(float(dt_s)))
     try:
-        done = subprocess.run(command, input=content, capture_output=True, timeout=deadline_s, check=False)  # noqa: S603
+        done = subprocess.run(  # noqa: S603 - our own module
+            command, input=content, capture_output=True, timeout=deadline_s, env=python_environment(), check=False
+        )
     except subprocess.TimeoutExpired:
         raise FileFormatError(f"{shown}: reading it took more than {deadline_s:g} s and was stopped") from None
     if done.returncode:

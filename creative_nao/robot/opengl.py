@@ -22,6 +22,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from creative_nao.errors import MissingDependencyError
+from creative_nao.runtime import python_environment
 
 ON = ("egl", "osmesa", "glfw")  # what MUJOCO_GL may name
 OFF = ("disable", "disabled", "off", "false", "0")  # what MUJOCO_GL says to do without OpenGL
@@ -87,7 +88,7 @@ def probe(backend: str, timeout_s: float = 60.0) -> str:
         "with gl.current(): mujoco.MjrContext(mujoco.MjModel.from_xml_string('<mujoco/>'), 100).free()"
     )
     command = [sys.executable, "-P", "-W", "ignore", "-c", code]
-    environment = {name: value for name, value in os.environ.items() if name != "PYOPENGL_PLATFORM"}
+    environment = {name: value for name, value in python_environment().items() if name != "PYOPENGL_PLATFORM"}
     try:
         done = subprocess.run(  # noqa: S603 - our own words and one of three names
             command, env=environment | {"MUJOCO_GL": backend}, capture_output=True, text=True, timeout=timeout_s

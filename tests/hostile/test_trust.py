@@ -120,11 +120,17 @@ def strange_folder(tmp_path, monkeypatch):
     for name in IMPORTED:
         (tmp_path / f"{name}.py").write_text(MODULE)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PYTHONPATH", os.environ.get("PYTHONPATH") or str(PACKAGE.parent))
+    monkeypatch.setenv("PYTHONPATH", os.environ.get("PYTHONPATH", "").strip(os.pathsep) or str(PACKAGE.parent))
     return tmp_path
 
 
-def test_a_worker_imports_nothing_from_the_folder_it_starts_in(strange_folder, attempt):
+@pytest.fixture
+def empty_part(strange_folder, monkeypatch):
+    """An empty part of PYTHONPATH, as `PYTHONPATH=/mine:$PYTHONPATH` leaves it, means the current folder."""
+    monkeypatch.setenv("PYTHONPATH", os.environ["PYTHONPATH"] + os.pathsep)
+
+
+def test_a_worker_imports_nothing_from_the_folder_it_starts_in(strange_folder, empty_part, attempt):
     """As on this machine and on a worker of Dask, whose `do_job` starts the same process."""
     attempt("jobs", "modules such as numpy.py lie in the current folder", "not imported")
     spec = {
@@ -137,7 +143,7 @@ def test_a_worker_imports_nothing_from_the_folder_it_starts_in(strange_folder, a
     assert isinstance(Job(name="a", kind="play", title="a", spec=spec), Job)
 
 
-def test_a_probe_imports_nothing_from_the_folder_it_starts_in(strange_folder, attempt, monkeypatch):
+def test_a_probe_imports_nothing_from_the_folder_it_starts_in(strange_folder, empty_part, attempt, monkeypatch):
     attempt("doctor", "mujoco.py lies in the current folder", "not imported", n=len(opengl.ON))
     monkeypatch.setattr(opengl, "_missing", lambda backend: "")
     for name in opengl.ON:
