@@ -147,7 +147,13 @@ def test_seeds_that_give_the_same_leave_no_interval(finished, make_suite):
         assert "the same for every seed" in row["reward_reason"]
 
 
-@pytest.mark.parametrize("path", sorted(RESULTS.glob("*.json")), ids=lambda path: path.stem)
+def published():
+    """Give every result file; those of thousands of episodes take seconds each and are looked at every night."""
+    for path in sorted(RESULTS.glob("*.json")):
+        yield pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stat().st_size > 140_000 else [])
+
+
+@pytest.mark.parametrize("path", published())
 def test_published_summaries_follow_from_their_rows(path):
     found = json.loads(path.read_text(encoding="utf-8"))
     seed, baseline = found["record"]["settings"]["seed"], found["record"]["settings"]["suite"]["baseline"]

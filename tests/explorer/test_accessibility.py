@@ -10,7 +10,7 @@ def violations(tab):
     return [(one["id"], [node["target"] for node in one["nodes"]][:4]) for one in found]
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
 def test_the_page_has_no_violation(visit, server, scheme):
     tab = visit(f"{server.url}?x=0.3&y=0.2", color_scheme=scheme)
     tab.press("Keep as favourite")

@@ -38,6 +38,7 @@ def test_the_pose_is_that_of_the_movement(visit, server):
         assert seen == pytest.approx(meant, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_dragging_goes_on_in_the_movement_and_one_undo_takes_it_back(visit, server):
     tab = visit(f"{server.url}?x=0.5&y=0.5")
     tab.page.mouse.move(*tab.place(0.3, 0.3))
@@ -154,6 +155,7 @@ def test_favourites_are_pictures_and_stars_that_other_tabs_see(visit, server):
     tab.page.locator(".favourite").wait_for(state="detached")
 
 
+@pytest.mark.slow
 def test_physics_is_felt_and_remembered(visit, server):
     tab = visit(server.url)
     tab.page.keyboard.press("2")
@@ -168,6 +170,7 @@ def test_physics_is_felt_and_remembered(visit, server):
     assert tab.page.locator("#physics").get_attribute("aria-pressed") == "true"
 
 
+@pytest.mark.slow
 def test_two_memories_follow_one_pointer(visit, server):
     tab = visit(f"{server.url}?beside=open/0")
     tab.until("() => explorer.panels.length === 2 && explorer.panels[1].recall")

@@ -41,6 +41,7 @@ def test_what_cannot_be_taught_is_said_where_it_blocks_and_not_before(teach):
     teach.until("() => !document.querySelector('#train').disabled")
 
 
+@pytest.mark.slow
 def test_the_mirror_image_of_the_mirror_image_is_the_same(teach):
     teach.press("C left hook")
     teach.press("Mirror image")
