@@ -13,7 +13,7 @@ import tempfile
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 
@@ -69,8 +69,8 @@ class Take:
 
         if hz >= 0.45 / self.dt_s or len(self.places) < 20:
             return self.places
-        coefficients: Any = butter(4, 2 * hz * self.dt_s)
-        return filtfilt(*coefficients, self.places, axis=0)
+        numerator, denominator = cast(tuple[np.ndarray, np.ndarray], butter(4, 2 * hz * self.dt_s))
+        return filtfilt(numerator, denominator, self.places, axis=0)
 
 
 def load_take(path: str | os.PathLike[str], *, reading: Reading | None = None, up: Up = "auto") -> Take:

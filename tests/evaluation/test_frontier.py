@@ -153,7 +153,7 @@ def published():
         yield pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stat().st_size > 140_000 else [])
 
 
-@pytest.mark.parametrize("path", published())
+@pytest.mark.parametrize("path", list(published()))
 def test_published_summaries_follow_from_their_rows(path):
     found = json.loads(path.read_text(encoding="utf-8"))
     seed, baseline = found["record"]["settings"]["seed"], found["record"]["settings"]["suite"]["baseline"]
