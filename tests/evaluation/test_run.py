@@ -10,7 +10,7 @@ import pytest
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.jobs import plan
 from creative_nao.evaluation.pages import MEASURED_COLUMNS, figure, markdown_table
-from creative_nao.evaluation.results import MEASURED, collect, read_results
+from creative_nao.evaluation.results import MEASURED, collect, make_results, read_results
 from creative_nao.evaluation.run import evaluate, input_hashes, open_folder
 from creative_nao.evaluation.runner import LocalExecutor
 
@@ -46,6 +46,19 @@ def test_results_follow_the_schema(finished):
                 assert row[f"{field}_reason"]
             else:
                 assert row[field]["low"] <= row[field]["mean"] <= row[field]["high"]
+
+
+def test_seeds_that_give_the_same_leave_no_interval(finished, make_suite):
+    """The fake world draws nothing: an agent that draws nothing either earns the same for every seed."""
+    suite = make_suite(agents=("supervised", "random"))
+    kept = [e for e in finished.measured.episodes if e.agent in suite.agents]
+    same = [
+        dataclasses.replace(next(o for o in kept if (o.agent, o.env) == (e.agent, e.env)), seed=e.seed) for e in kept
+    ]
+    measured = dataclasses.replace(finished.measured, episodes=tuple(same))
+    for row in make_results(suite, measured, base_seed=0)["rows"]:
+        assert (row["reward"]["low"], row["reward"]["high"]) == (None, None)
+        assert "the same for every seed" in row["reward_reason"]
 
 
 def test_the_share_of_the_oracle_is_told_in_the_mind_and_its_absence_in_physics_explained(finished):

@@ -90,6 +90,7 @@ def test_an_idle_page_draws_nothing(visit, server):
     assert tab(asked) == 0
 
 
+@pytest.mark.slow
 def test_keys_work_wherever_the_focus_is(visit, server):
     tab = visit(f"{server.url}?x=0&y=0")
     tab.page.keyboard.press("3")
