@@ -245,6 +245,7 @@ def test_long_play_takes_no_more_memory(visit, server):
     assert held() < 1.3 * before + 5_000_000
 
 
+@pytest.mark.slow
 def test_zoom_brings_finer_cells(visit, server):
     tab = visit(f"{server.url}?x=0.2&y=0.3&view=0.1,0.2,0.4")
     tab.until("() => explorer.panels[0].finer?.cells.n === 200")

@@ -58,7 +58,7 @@ def test_the_best_epoch_is_kept_not_the_last(waves):
     assert memory.best_loss < memory.loss_history[-1]
 
 
-@pytest.mark.parametrize("engine", ["fused", "reference"])
+@pytest.mark.parametrize("engine", ["fused", pytest.param("reference", marks=pytest.mark.slow)])
 def test_a_resumed_run_has_the_bits_of_an_uninterrupted_one(waves, tmp_path, engine):
     settings = TrainingSettings(n_epochs=250, seed=4, engine=engine)
     whole = train_network(waves, settings, TINY)
