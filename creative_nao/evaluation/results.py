@@ -79,8 +79,8 @@ class MeanInterval:
     """A mean with its 95 % interval; `low` and `high` are null where seeds leave it unknown: one, or all the same."""
 
     mean: float
-    low: float | None = None
-    high: float | None = None
+    low: float | None
+    high: float | None
 
     def __post_init__(self) -> None:
         if (self.low is None) != (self.high is None) or (self.low or 0.0) > (self.high or 0.0):

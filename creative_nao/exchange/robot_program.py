@@ -19,6 +19,7 @@ from creative_nao.exchange.program_text import Statement, decoded, dotted, evalu
 
 MAX_PYTHON_BYTES = 600_000
 MAX_CELLS = 1_000_000  # of all lists that are played or made
+MAX_DEPTH = 10  # lists within each other that are played; the handles of a Bezier curve are four
 _LISTS = {
     "names": "names", "jointNames": "names", "joint_names": "names",
     "times": "times", "timeLists": "times", "time_lists": "times",
@@ -415,10 +416,12 @@ class _Follower:
         if max(len(self.found), len(self.notes)) > MAX_MOVEMENTS:
             raise self.fault(line, f"more than {MAX_MOVEMENTS} movements or things to say about them")
 
-    def _copied(self, value: Any) -> Any:
+    def _copied(self, value: Any, depth: int = 0) -> Any:
         if isinstance(value, list):
             self._count(len(value))
-            return [self._copied(one) for one in value]
+            if depth > MAX_DEPTH:
+                raise FileFormatError(f"{self.path}: plays lists that hold themselves, or within {MAX_DEPTH} others.")
+            return [self._copied(one, depth + 1) for one in value]
         return value
 
     def _begins_anew(self, kind: str | None, line: int) -> None:
