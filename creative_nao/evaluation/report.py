@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image
 
 from creative_nao import storage
 from creative_nao.agents.registry import UNTRAINED, split_name
@@ -22,14 +24,14 @@ from creative_nao.errors import MissingDependencyError, NotFoundError
 from creative_nao.evaluation import pages, plots
 from creative_nao.evaluation.pages import env_label
 from creative_nao.evaluation.plots import agent_colour, agent_label
-from creative_nao.evaluation.protocol import Episode
+from creative_nao.evaluation.protocol import ActionRecord
 from creative_nao.evaluation.results import Measured, Row, entries_of, verdict
 from creative_nao.evaluation.suites import Suite, actions_before, slug, trained_here
 from creative_nao.joints import JOINTS
 from creative_nao.maps import PBMap
-from creative_nao.maps.figure_style import INK, figure, save, styled
+from creative_nao.maps.figure_style import INK, figure, save, save_small, styled
 from creative_nao.maps.picture import draw_on, legend_handles
-from creative_nao.model import Memory, load_memory
+from creative_nao.model import load_memory
 
 if TYPE_CHECKING:
     from creative_nao.robot.scene import Scene
@@ -38,10 +40,12 @@ MANY = 16
 """Most agents that have curves of their own."""
 FEW = 3
 """Most agents whose maps are drawn large, two in a row; more stand three in a row."""
+N_BARS = 6
+"""Most agents in the page's first figure."""
 N_ROWS = 4
 """Finds that are shown: those that earned most."""
-TICKS = (0, 3, 5, 7, 9, 11, 13, 16)
-"""Ticks that are drawn, the first punch or what stands in its place: a movement repeats itself after it."""
+N_POSES, N_TICKS = 8, 20
+"""Poses that are drawn of a movement, and the ticks they are chosen from: after its first punch it repeats itself."""
 SIZE_PX = (170, 190)
 CAMERA = "close"
 INTRODUCED = ("supervised", "random", "ppo", "oracle")
@@ -66,6 +70,7 @@ def write_report(
     page = pages.render(
         "report.html.jinja",
         **findings(suite, results, measured),
+        first=first_figure(suite, results),
         record=record,
         n_basic=max((len(scored.names) for scored in maps.values() if scored is not None), default=6),
         columns=pages.MEASURED_COLUMNS,
@@ -85,6 +90,27 @@ def write_report(
 
 def _line(row: Row, cells: Sequence[tuple[str, str]]) -> dict[str, Any]:
     return {**row, "env": env_label(row["env"]), "colour": agent_colour(row["agent"]), "cells": cells}
+
+
+def first_figure(suite: Suite, results: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of the page's first sentence and its bars: agents in the first environment, the best first."""
+    entries = entries_of(results, suite.envs[0])
+    ranked = [entry for entry in entries if entry["agent"] != "oracle"] or entries
+    best, *others = ranked
+    baseline = next((entry for entry in ranked if entry["agent"] == results["baseline"]), None)
+    shown = ranked[:N_BARS]
+    if baseline is not None and baseline not in shown:
+        shown = [*shown[:-1], baseline]
+    low = best["reward"]["low"]
+    level = [agent_label(entry["agent"]) for entry in others if low is not None and entry["reward"]["high"] >= low]
+    full = max(max(entry["reward"]["mean"], entry["reward"]["high"] or 0.0) for entry in shown) or 1.0
+    bars = []
+    for entry in shown:
+        mean, low, high = (100.0 * (entry["reward"][key] or 0.0) / full for key in ("mean", "low", "high"))
+        look = {"label": agent_label(entry["agent"]), "colour": agent_colour(entry["agent"])}
+        bars.append({**look, "reward": entry["reward"], "mean": mean, "low": low, "high": high})
+    values = {"env": env_label(suite.envs[0]), "n_agents": len(ranked), "best": best, "baseline": baseline}
+    return {**values, "level": level, "bars": bars, "label": agent_label}
 
 
 def findings(suite: Suite, results: Mapping[str, Any], measured: Measured) -> dict[str, Any]:
@@ -174,14 +200,14 @@ def draw_figures(
             if memory is None:
                 drawn = _draw_overall(one_by_one, results, measured)
             else:
-                drawn = _draw(folder, one_by_one, results, measured, memory, maps[memory])
+                drawn = _draw(one_by_one, results, measured, memory, maps[memory])
             for name, picture in drawn.items():
                 file = f"{name}-{slug(memory)}.png" if several and memory is not None else f"{name}.png"
                 path = save(picture, folder / "figures" / file)
-                if name not in ("choices", "film"):  # whose SVG of 40,000 points or photographs would be large
+                if name != "choices":  # whose SVG of 40,000 points would be large
                     path = path.with_suffix(".svg")
                 found.append({"name": name, "memory": memory, "path": path})
-    return found
+        return found + _draw_finds(folder, suite, results, measured)
 
 
 def _draw_overall(suite: Suite, results: dict[str, Any], measured: Measured) -> dict[str, Figure]:
@@ -200,7 +226,7 @@ def _draw_overall(suite: Suite, results: dict[str, Any], measured: Measured) -> 
 
 
 def _draw(
-    folder: Path, suite: Suite, results: dict[str, Any], measured: Measured, memory: str, scored: PBMap | None
+    suite: Suite, results: dict[str, Any], measured: Measured, memory: str, scored: PBMap | None
 ) -> dict[str, Figure]:
     mental = suite.oracle_envs[0] if suite.oracle_envs else suite.envs[0]
     drawn = {
@@ -212,38 +238,51 @@ def _draw(
         drawn["choices"] = choices(suite, measured, scored, memory, mental)
     if any(training.memory == memory for training in measured.trainings):
         drawn["training"] = plots.training(suite, measured, memory)
-    env = suite.envs[0]
-    if memory != suite.memories[0] or "Modulation" in env:  # no single PB vector makes a modulated movement again
-        return drawn
+    return drawn
+
+
+def _draw_finds(folder: Path, suite: Suite, results: dict[str, Any], measured: Measured) -> list[dict[str, Any]]:
+    """Draw what the best agent found on the first memory: one find for the head of the page, some for its end.
+
+    Nothing where it found nothing, where this machine cannot draw the robot or the memory is another robot's.
+    """
+    env, memory = suite.envs[0], suite.memories[0]
+    if "Modulation" in env:  # no single PB vector makes a modulated movement again
+        return []
     own = folder / "memories" / f"{memory.replace('/', '-')}.safetensors"
     try:
         searched = load_memory(own if own.is_file() else memory)
     except NotFoundError:  # a name that only its environment knows
-        return drawn
+        return []
     rows = [row for row in results["rows"] if (row["env"], row["memory"]) == (env, memory)]
-    best = max(rows, key=lambda row: row["reward"]["mean"])["agent"]
-    is_nao = tuple(searched.demonstrations.joints) == tuple(JOINTS)
-    if is_nao and (strips := film(searched, measured.of(memory, env, best)[0])) is not None:
-        drawn["film"] = strips
-    return drawn
-
-
-def film(memory: Memory, episode: Episode) -> Figure | None:
-    """Draw the finds of an episode that earned most; None where this machine cannot draw the robot, or without any."""
-    best = sorted((action for action in episode.actions if action.appropriate), key=lambda action: -action.reward)
-    if not best:
-        return None
-    best = best[:N_ROWS]
-    moves = memory.generate(np.array([action.pb for action in best]))
+    agent = max(rows, key=lambda row: row["reward"]["mean"])["agent"]
+    usable = [action for action in measured.of(memory, env, agent)[0].actions if action.appropriate]
+    best = sorted(usable, key=lambda action: -action.reward)[:N_ROWS]
+    if not best or tuple(searched.demonstrations.joints) != tuple(JOINTS):
+        return []
+    moves = searched.generate(np.array([action.pb for action in best]))
     try:
-        strips = [_strip(move, float(memory.demonstrations.dt_s)) for move in moves]
+        shown = [_poses(move, float(searched.demonstrations.dt_s)) for move in moves]
     except MissingDependencyError:
-        return None
-    drawn, axes = figure(8.6, 1.42 * len(best) + 0.3, len(best), 1)
-    for ax, strip, action in zip(axes, strips, best, strict=True):
-        ax.imshow(strip, interpolation="lanczos")
+        return []
+    figures, ending = folder / "figures", f"-{slug(memory)}" if len(suite.memories) > 1 else ""
+    sheet, half = io.BytesIO(), N_POSES // 2
+    Image.fromarray(np.concatenate([_strip(shown[0][:half]), _strip(shown[0][half:])])).save(sheet, format="PNG")
+    save_small(sheet, figures / "find.png")
+    film = save(_film(agent_label(agent), best, shown), figures / f"film{ending}.png")
+    told = {"agent": agent_label(agent), "action": best[0]}
+    return [
+        {"name": "find", "memory": None, "path": figures / "find.png", **told},
+        {"name": "film", "memory": memory, "path": film},
+    ]
+
+
+def _film(agent: str, actions: Sequence[ActionRecord], shown: Sequence[Sequence[np.ndarray]]) -> Figure:
+    drawn, axes = figure(8.6, 1.42 * len(actions) + 0.3, len(actions), 1)
+    for ax, images, action in zip(axes, shown, actions, strict=True):
+        ax.imshow(_strip(images), interpolation="lanczos")
         ax.set_title(
-            f"action {action.step} of {agent_label(episode.agent)}: reward {action.reward:.2f}, most like "
+            f"action {action.step} of {agent}: reward {action.reward:.2f}, most like "
             f"{action.nearest.replace('_', ' ')}, {action.distance:.0f} rad from it",
             fontsize=9.0,
             fontweight="normal",
@@ -252,17 +291,22 @@ def film(memory: Memory, episode: Episode) -> Figure | None:
     return drawn
 
 
-def _strip(move: np.ndarray, dt_s: float) -> np.ndarray:
-    """Return the drawn ticks of a movement side by side, uint8 of shape (height, width, 3)."""
+def _strip(images: Sequence[np.ndarray]) -> np.ndarray:
+    """Return pictures side by side, each with a white line around it, uint8 of shape (height, width, 3)."""
+    return np.concatenate([np.pad(image, ((2, 2), (2, 2), (0, 0)), constant_values=255) for image in images], axis=1)
+
+
+def _poses(move: np.ndarray, dt_s: float) -> list[np.ndarray]:
+    """Return pictures of a movement's first pose and of those that differ most from it and each other, in order."""
     from creative_nao.robot.film import imagined_frames, pictures  # loads MuJoCo
 
-    frames = imagined_frames(_scene(), move, dt_s, frame_dt_s=dt_s)
-    chosen = frames[[min(tick, len(frames) - 1) for tick in TICKS]]
-    width, height = SIZE_PX
-    images = pictures(_scene(), chosen, camera=CAMERA, width=width, height=height)
-    gap = np.full((height, 4, 3), 255, dtype=np.uint8)
-    pieces = [piece for image in images for piece in (image, gap)]
-    return np.concatenate(pieces[:-1], axis=1)
+    begun = move[:N_TICKS]
+    apart = np.linalg.norm(begun[:, None] - begun, axis=2)
+    ticks = [0]
+    while len(ticks) < min(N_POSES, len(begun)):
+        ticks.append(int(apart[ticks].min(axis=0).argmax()))
+    frames = imagined_frames(_scene(), move, dt_s, frame_dt_s=dt_s)[sorted(ticks)]
+    return pictures(_scene(), frames, camera=CAMERA, width=SIZE_PX[0], height=SIZE_PX[1])
 
 
 @functools.cache

@@ -5,14 +5,18 @@ import json
 import re
 import shutil
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
+from creative_nao.evaluation import report
 from creative_nao.evaluation.jobs import plan
 from creative_nao.evaluation.pages import MEASURED_COLUMNS, figure, markdown_table
 from creative_nao.evaluation.results import MEASURED, collect, make_results, read_results
 from creative_nao.evaluation.run import evaluate, input_hashes, open_folder
 from creative_nao.evaluation.runner import LocalExecutor
+from creative_nao.model import load_memory
 
 
 def timeless(results):
@@ -223,8 +227,75 @@ def test_the_report_holds_every_row_and_loads_nothing(finished):
             mean, interval = figure(row, column)
             assert f"<td>{mean}<small>{interval}</small></td>" in page
     assert page.count("<figure>") == 5
-    assert not re.findall(r"""(?:src|href|srcset|action)\s*=\s*["'](?!data:)""", page)
+    assert not re.findall(r"""(?:src|href|srcset|action)\s*=\s*["'](?!data:|#)""", page)
     assert not re.findall(r"@import|url\(|<script|<link|<iframe", page)
+
+
+def test_the_report_begins_with_a_sentence_and_the_rewards_then_contents_then_limits(finished):
+    page = (finished.folder / "report.html").read_text(encoding="utf-8")
+    parts = (
+        "<h1>",
+        '<p class="lead">',
+        '<ul class="bars">',
+        "<nav",
+        "<h2",
+        'id="limits"',
+        'id="question"',
+        'id="table"',
+    )
+    places = [page.index(part) for part in parts]
+    assert places == sorted(places)
+    (contents,) = re.findall("<nav.*?</nav>", page, re.DOTALL)
+    assert re.findall('href="#(.+?)"', contents) == re.findall('<h2 id="(.+?)"', page)
+    assert page.count("<h2") == page.count("<h2 id=")
+    rows = sorted(
+        (row for row in finished.results["rows"] if row["env"].endswith("Boxing-v0")),
+        key=lambda row: -row["reward"]["mean"],
+    )
+    sentence = re.sub("<.+?>|\\s+", " ", re.search('<p class="lead">(.*?)</p>', page, re.DOTALL)[1])
+    for told in ("taught 3 actions", "30 tries", "of 3 ways", rows[0]["agent"], f"{rows[0]['reward']['mean']:.1f}"):
+        assert told in sentence
+    assert sentence.strip().endswith(".")
+    bars = re.search('<ul class="bars">(.*?)</ul>', page, re.DOTALL)[1]
+    assert re.findall("<li><span>(.+?)</span>", bars) == [row["agent"] for row in rows]
+    assert re.findall("<strong>(.+?)</strong>", bars) == [f"{row['reward']['mean']:.1f}" for row in rows]
+
+
+def test_the_first_sentence_tells_what_seeds_leave_open_and_the_baseline_is_always_shown(finished, make_suite):
+    def told(*rewards):
+        summary = [
+            {
+                "agent": f"a{place}",
+                "env": make_suite().envs[0],
+                "reward": dict(zip(("mean", "low", "high"), reward, strict=True)),
+            }
+            for place, reward in enumerate(rewards)
+        ]
+        return report.first_figure(make_suite(), {"summary": summary, "baseline": "a0"})
+
+    many = told(*((float(place), place - 1.5, place + 1.5) for place in range(9)))
+    assert [bar["label"] for bar in many["bars"]] == ["a8", "a7", "a6", "a5", "a4", "a0"]
+    assert many["level"] == ["a7", "a6", "a5"]
+    assert (many["n_agents"], many["bars"][0]["high"], many["bars"][0]["mean"]) == (9, 100.0, 100.0 * 8.0 / 9.5)
+    nothing = told((0.0, None, None))
+    assert (nothing["level"], nothing["bars"][0]["mean"]) == ([], 0.0)
+
+
+def test_the_report_shows_a_find_as_poses_of_the_robot(finished, make_suite, tmp_path, monkeypatch):
+    monkeypatch.setattr(report, "load_memory", lambda _: load_memory("half/0"))
+    monkeypatch.setattr(report, "N_ROWS", 1)
+    find, _ = found = report._draw_finds(tmp_path, make_suite(), finished.results, finished.measured)
+    usable = [a.reward for a in finished.measured.of("fake/0", make_suite().envs[0], find["agent"])[0].actions]
+    assert find["action"].reward == max(usable)
+    monkeypatch.setattr(report, "draw_figures", lambda *_: found)
+    shutil.copytree(finished.folder / "maps", tmp_path / "maps")
+    page = report.write_report(tmp_path, make_suite(), finished.results, finished.measured, finished.record).read_text()
+    assert page.index('class="find"') < page.index("<nav")
+    poses = np.asarray(Image.open(find["path"]).convert("RGB"))
+    height, width = report.SIZE_PX[1] + 4, report.SIZE_PX[0] + 4
+    assert poses.shape == (2 * height, 4 * width, 3)
+    tiles = poses.reshape(2, height, 4, width, 3).transpose(0, 2, 1, 3, 4).reshape(8, -1)
+    assert len({tile.tobytes() for tile in tiles}) == 8  # no pose twice
 
 
 def test_the_report_says_what_does_not_hold_and_how_to_repeat_it(finished):
@@ -239,8 +310,6 @@ def test_the_report_says_what_does_not_hold_and_how_to_repeat_it(finished):
 
 
 def test_names_from_outside_cannot_become_markup(make_suite, finished, tmp_path, monkeypatch):
-    from creative_nao.evaluation import report
-
     monkeypatch.setattr(report, "draw_figures", lambda *_: [])
     record = {**finished.record, "command": "creative-nao <script>alert(1)</script>"}
     (tmp_path / "maps").mkdir()
