@@ -1,3 +1,6 @@
+from .augmentation import (
+    FlippedSwappedAxes,
+)
 from .base import (
     Agent,
     AgentOrderError,
@@ -28,7 +31,6 @@ from .bundle import (
 from .cells import (
     CellPolicy,
     CellSACPolicy,
-    FlippedSwappedAxes,
 )
 from .quality_diversity import (
     CmaMeAgent,
@@ -61,6 +63,10 @@ from .training import (
     PPOSettings,
     TrainingCurve,
     train_ppo,
+)
+from .tries import (
+    TryPolicy,
+    TrySACPolicy,
 )
 
 __all__ = [
@@ -101,6 +107,8 @@ __all__ = [
     "SurrogateAgent",
     "TrainedPolicy",
     "TrainingCurve",
+    "TryPolicy",
+    "TrySACPolicy",
     "as_agent",
     "load_agent",
     "load_bundle",

@@ -17,7 +17,7 @@ from gymnasium.spaces import Box
 from pydantic import BeforeValidator
 
 from creative_nao.agents.base import check_kind
-from creative_nao.agents.play import Score, evaluate_policy
+from creative_nao.agents.play import Score, evaluate_policy, told_track
 from creative_nao.agents.settings import Hyperparameters, check_entry, find_algorithm, nets_of
 from creative_nao.agents.training import PPOSettings
 from creative_nao.arrays import load_tensors, save_tensors
@@ -177,8 +177,12 @@ class TrainedPolicy:
     @property
     def track(self) -> Track:
         """What its observations tell: those of -v0 outcomes alone, later ones what it was trained with."""
-        told = self.header.hyperparameters.env_kwargs.get("observation")
-        return Track.OUTCOMES if self.header.env.endswith("-v0") and told is None else Track(told or Track.TRAJECTORIES)
+        return told_track(self.header.env, self.header.hyperparameters.env_kwargs)
+
+    @property
+    def observation_space(self) -> Box:
+        """What it observes."""
+        return self.header.observation_space
 
     def predict(
         self, observation: np.ndarray, state: Any = None, episode_start: Any = None, deterministic: bool | None = None

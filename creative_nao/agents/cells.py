@@ -1,13 +1,9 @@
-"""Policies of PPO and SAC over the cells of the PB space, and data augmentation by the symmetries of its axes.
+"""Policies of PPO and SAC over the cells of the PB space.
 
 The usual policy, a normal distribution around one point, cannot say "any cell that is still empty" or "beside one of
 the two good ones". Here every cell of the coverage map gets a probability from a small convolutional network over its
 neighbourhood, and a point is drawn uniformly within the cell. What the network learns about a neighbourhood in one
 place holds in every place, and on every memory.
-
-What a PB unit's sign means, and which unit is the first, is an accident of a memory's training. With augmentation each
-training episode flips and swaps the axes by one of 2^n_pb n_pb! symmetries, actions and observations alike, so that
-the agent meets a consistent world. Only training does this: agents are evaluated on the memories as they are.
 
 Names of modules (`weights`, `weigh`, `others`) are names of weights in bundles.
 """
@@ -15,6 +11,7 @@ Names of modules (`weights`, `weigh`, `others`) are names of weights in bundles.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
@@ -22,13 +19,11 @@ import torch
 from gymnasium.spaces import Box
 from stable_baselines3.common.distributions import Distribution
 from stable_baselines3.common.policies import ActorCriticPolicy, BaseModel, BasePolicy
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.sac.policies import SACPolicy
 from torch import nn
-from torch.distributions import Categorical
+from torch.distributions import Bernoulli, Categorical
 
 from creative_nao.envs.observation import N_CELLS, cells_of
-from creative_nao.envs.state import generator_from, generator_state
 from creative_nao.errors import SettingsError
 from creative_nao.schema import Count, checked
 
@@ -39,45 +34,56 @@ class CellDistribution(Distribution):
     """Draws a cell of [-1, 1]^n_pb, then a point of it, each with the same density.
 
     Args:
-        n_pb: PB units; there are `N_CELLS` ** `n_pb` cells, the first unit's index runs fastest.
+        n_pb: PB units; there are `resolution` ** `n_pb` cells, the first unit's index runs fastest.
+        resolution: Cells along an axis.
+        commits: Whether one more value of an action, -1 or 1, is drawn: the commit of a rehearsal.
     """
 
-    def __init__(self, n_pb: int) -> None:
+    def __init__(self, n_pb: int, resolution: int = N_CELLS, commits: bool = False) -> None:
         super().__init__()
-        self.n_pb = n_pb
-        self._strides = torch.tensor([N_CELLS**unit for unit in range(n_pb)])
-        self._density = n_pb * float(np.log(N_CELLS / 2.0))  # of a point within its cell, as a logarithm
+        self.n_pb, self.resolution, self.commits = n_pb, resolution, commits
+        self._strides = torch.tensor([resolution**unit for unit in range(n_pb)])
+        self._density = n_pb * float(np.log(resolution / 2.0))  # of a point within its cell, as a logarithm
 
     def proba_distribution_net(self, *args: Any, **kwargs: Any) -> nn.Module:
         """Return the network from latent values to logits: none is needed."""
         return nn.Identity()
 
     def proba_distribution(self, logits: torch.Tensor) -> CellDistribution:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Take the logits of all cells, shape (n, N_CELLS ** n_pb)."""
-        self.categorical = Categorical(logits=logits)
+        """Take the logits of all cells, shape (n, resolution ** n_pb), and behind them that of a commit."""
+        n_cells = self.resolution**self.n_pb
+        self.categorical = Categorical(logits=logits[:, :n_cells])
+        self.bernoulli = Bernoulli(logits=logits[:, n_cells]) if self.commits else None
         return self
 
     def _corner(self, cells: torch.Tensor) -> torch.Tensor:
         """Return the lowest corner of cells (n,) in [-1, 1], shape (n, n_pb)."""
-        places = cells[:, None] // self._strides % N_CELLS
-        return places.float() * (2.0 / N_CELLS) - 1.0
+        places = cells[:, None] // self._strides % self.resolution
+        return places.float() * (2.0 / self.resolution) - 1.0
+
+    def _with_commit(self, points: torch.Tensor, commit: torch.Tensor | None) -> torch.Tensor:
+        return points if commit is None else torch.cat([points, commit[:, None].float() * 2.0 - 1.0], dim=1)
 
     def log_prob(self, actions: torch.Tensor) -> torch.Tensor:
         """Return the logarithm of the density at points (n, n_pb), shape (n,)."""
-        return self.categorical.log_prob(cells_at(actions)) + self._density
+        found = self.categorical.log_prob(cells_at(actions[:, : self.n_pb], self.resolution)) + self._density
+        return found if self.bernoulli is None else found + self.bernoulli.log_prob((actions[:, -1] > 0.0).float())
 
     def entropy(self) -> torch.Tensor:
         """Return the differential entropy, shape (n,)."""
-        return self.categorical.entropy() - self._density
+        found = self.categorical.entropy() - self._density
+        return found if self.bernoulli is None else found + self.bernoulli.entropy()
 
     def sample(self) -> torch.Tensor:
         """Draw points, shape (n, n_pb)."""
         corner = self._corner(self.categorical.sample())
-        return corner + (2.0 / N_CELLS) * torch.rand_like(corner)
+        points = corner + (2.0 / self.resolution) * torch.rand_like(corner)
+        return self._with_commit(points, None if self.bernoulli is None else self.bernoulli.sample())
 
     def mode(self) -> torch.Tensor:
         """Return the centres of the likeliest cells, shape (n, n_pb)."""
-        return self._corner(self.categorical.logits.argmax(dim=1)) + 1.0 / N_CELLS
+        centres = self._corner(self.categorical.logits.argmax(dim=1)) + 1.0 / self.resolution
+        return self._with_commit(centres, None if self.bernoulli is None else self.bernoulli.logits > 0.0)
 
     def actions_from_params(self, logits: torch.Tensor, deterministic: bool = False) -> torch.Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return points of the distribution with these logits, shape (n, n_pb)."""
@@ -95,10 +101,10 @@ def refuse_sde(use_sde: bool, policy: str) -> None:
         raise SettingsError(f"`use_sde` should be false with {policy}: it draws cells and adds no noise")
 
 
-def cells_at(points: torch.Tensor) -> torch.Tensor:
+def cells_at(points: torch.Tensor, resolution: int = N_CELLS) -> torch.Tensor:
     """Return the cells in which points of [-1, 1]^n_pb lie, shape (n,), for points (n, n_pb)."""
-    places = ((points + 1.0) * (N_CELLS / 2.0)).long().clamp(0, N_CELLS - 1)
-    return (places * N_CELLS ** torch.arange(points.shape[1])).sum(dim=1)
+    places = ((points + 1.0) * (resolution / 2.0)).long().clamp(0, resolution - 1)
+    return (places * resolution ** torch.arange(points.shape[1])).sum(dim=1)
 
 
 class CellFeatures(nn.Module):
@@ -221,15 +227,16 @@ class CellPolicy(ActorCriticPolicy):
         super().__init__(observation_space, action_space, lr_schedule, ortho_init=False)
 
     def _build(self, lr_schedule: Any) -> None:
-        assert isinstance(self.action_space, Box)
-        n_pb = int(np.prod(self.action_space.shape))
-        assert isinstance(self.observation_space, Box)
-        network = CellNetwork(CellFeatures(self.observation_space, n_pb), self.width, self.n_layers)
+        network, self.action_dist = self.make_network(cast("Box", self.observation_space), self.action_space)
         self.mlp_extractor = network  # pyright: ignore[reportAttributeAccessIssue]
-        self.action_dist = CellDistribution(n_pb)
         self.action_net = self.action_dist.proba_distribution_net()
         self.value_net = nn.Linear(network.latent_dim_vf, 1)
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # pyright: ignore[reportCallIssue]
+
+    def make_network(self, space: Box, actions: Any) -> tuple[Any, CellDistribution]:
+        """Return the network from observations to logits and value features, and the distribution of the logits."""
+        n_pb = int(np.prod(actions.shape))
+        return CellNetwork(CellFeatures(space, n_pb), self.width, self.n_layers), CellDistribution(n_pb)
 
     def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> Distribution:
         return self.action_dist.proba_distribution(latent_pi)
@@ -239,14 +246,11 @@ _CARRIED = "cell_probabilities"
 
 
 class CellActor(BasePolicy):
-    """Draws points of the PB space; arguments as of `CellSACPolicy`."""
+    """Draws points of the PB space, by what `parts` makes: features, one or more networks that score, distribution."""
 
-    def __init__(self, observation_space: Box, action_space: Box, width: int, n_layers: int) -> None:
+    def __init__(self, observation_space: Box, action_space: Box, parts: Callable[[int], Any]) -> None:
         super().__init__(observation_space, action_space, squash_output=True)
-        n_pb = int(np.prod(action_space.shape))
-        self.features = CellFeatures(observation_space, n_pb)
-        self.weights = CellWeights(self.features, width, n_layers)
-        self.action_dist = CellDistribution(n_pb)
+        self.features, (self.weights,), self.action_dist = parts(1)
 
     def forward(self, obs: torch.Tensor, deterministic: bool = False) -> torch.Tensor:
         """Return points (n, n_pb) for observations (n, n_values)."""
@@ -265,12 +269,12 @@ class CellActor(BasePolicy):
 
 
 class CellCritic(BaseModel):
-    """Values every cell, with several networks; arguments as of `CellSACPolicy`."""
+    """Values every cell, with several networks; arguments as of `CellActor`."""
 
-    def __init__(self, observation_space: Box, action_space: Box, width: int, n_layers: int, n_critics: int) -> None:
+    def __init__(self, observation_space: Box, action_space: Box, parts: Callable[[int], Any], n_critics: int) -> None:
         super().__init__(observation_space, action_space)
-        self.features = CellFeatures(observation_space, int(np.prod(action_space.shape)))
-        self.values = nn.ModuleList(CellWeights(self.features, width, n_layers) for _ in range(n_critics))
+        self.features, values, self.action_dist = parts(n_critics)
+        self.values = nn.ModuleList(values)
 
     def forward(self, obs: torch.Tensor, actions: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Return each network's values (n, 1): of the actions' cells, or of the distribution the actions carry."""
@@ -279,7 +283,7 @@ class CellCritic(BaseModel):
         probabilities = getattr(actions, _CARRIED, None)
         if probabilities is not None:
             return tuple((probabilities * one).sum(dim=1, keepdim=True) for one in maps)
-        cells = cells_at(actions)[:, None]
+        cells = cells_at(actions, self.action_dist.resolution)[:, None]
         return tuple(one.gather(1, cells) for one in maps)
 
 
@@ -300,123 +304,16 @@ class CellSACPolicy(SACPolicy):
     def make_actor(self, features_extractor: Any = None) -> CellActor:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return an untrained actor."""
         spaces = cast("tuple[Box, Box]", (self.observation_space, self.action_space))
-        return CellActor(*spaces, self.width, self.n_layers).to(self.device)
+        return CellActor(*spaces, self.make_parts).to(self.device)
 
     def make_critic(self, features_extractor: Any = None) -> CellCritic:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return untrained critics."""
         spaces = cast("tuple[Box, Box]", (self.observation_space, self.action_space))
-        return CellCritic(*spaces, self.width, self.n_layers, self.critic_kwargs["n_critics"]).to(self.device)
+        return CellCritic(*spaces, self.make_parts, self.critic_kwargs["n_critics"]).to(self.device)
 
-
-class FlippedSwappedAxes(VecEnvWrapper):
-    """Draws a symmetry of the PB axes for every episode of each sub-environment.
-
-    The agent's PB vector a becomes the environment's b with b[i] = signs[i] * a[order[i]]; `pb` and `cells` of its
-    observations are transformed back. `info` stays the environment's.
-
-    Args:
-        venv: A vector environment of this project.
-
-    Attributes:
-        symmetry: Index of each sub-environment's symmetry, shape (num_envs,); 0 is the identity.
-
-    Raises:
-        SettingsError: If observations hold no cells of the PB space.
-    """
-
-    def __init__(self, venv: VecEnv) -> None:
-        super().__init__(venv)
-        if not isinstance(venv.observation_space, Box) or not isinstance(venv.action_space, Box):
-            raise SettingsError(f"`venv` should have Box spaces, but has {venv.observation_space}")
-        self._n_pb = int(np.prod(venv.action_space.shape))
-        table = symmetries(self._n_pb)
-        self._orders = np.array([order for order, _ in table])
-        self._signs = np.array([signs for _, signs in table], np.float32)
-        self._cells = cells_of(venv.observation_space, self._n_pb)
-        self._cell_tables = np.array([_cell_table(order, signs) for order, signs in table])
-        self._random = np.random.default_rng(0)
-        self.symmetry = np.zeros(self.num_envs, np.int64)
-
-    @property
-    def n_symmetries(self) -> int:
-        """Symmetries of the axes: 8 with two PB units."""
-        return len(self._orders)
-
-    def seed(self, seed: int | None = None) -> Any:
-        """Seed the environments and the draw of symmetries."""
-        self._random = np.random.default_rng(None if seed is None else [seed, self.n_symmetries])
-        return super().seed(seed)
-
-    def reset(self) -> np.ndarray:
-        """Begin all episodes, each with a symmetry of its own."""
-        observations = self.venv.reset()
-        self.symmetry = self._random.integers(self.n_symmetries, size=self.num_envs)
-        return self.to_agent(np.asarray(observations), self.symmetry)
-
-    def step_async(self, actions: np.ndarray) -> None:
-        """Take the agent's PB vectors, shape (num_envs, n_pb)."""
-        self.venv.step_async(self.to_env(actions, self.symmetry))
-
-    def step_wait(self) -> Any:
-        """Step; a sub-environment whose episode has ended gets another symmetry for its next one."""
-        stepped: Any = self.venv.step_wait()
-        observations, rewards, dones, infos = stepped
-        ended = np.flatnonzero(dones)
-        for k in ended:
-            last = self.to_agent(infos[k]["terminal_observation"][None], self.symmetry[k : k + 1])[0]
-            infos[k] = {**infos[k], "terminal_observation": last}
-        if len(ended):
-            self.symmetry = self.symmetry.copy()
-            self.symmetry[ended] = self._random.integers(self.n_symmetries, size=len(ended))
-        return self.to_agent(observations, self.symmetry), rewards, dones, infos
-
-    def to_env(self, pb: np.ndarray, symmetry: np.ndarray) -> np.ndarray:
-        """Return the environment's PB vectors for the agent's, both (n, n_pb); symmetry: (n,)."""
-        return self._signs[symmetry] * np.take_along_axis(pb, self._orders[symmetry], axis=1)
-
-    def to_agent(self, observations: np.ndarray, symmetry: np.ndarray) -> np.ndarray:
-        """Return the agent's observations for the environment's, both (n, n_values); symmetry: (n,)."""
-        mapped = observations.copy()
-        pb = self._signs[symmetry] * observations[:, : self._n_pb]
-        np.put_along_axis(mapped, self._orders[symmetry], pb, axis=1)
-        mapped[:, self._cells] = np.take_along_axis(observations[:, self._cells], self._cell_tables[symmetry], axis=1)
-        return mapped
-
-    def get_state(self) -> tuple[dict[str, Any], np.ndarray]:
-        """Return the generator's state as plain values, and each sub-environment's symmetry."""
-        values = generator_state(self._random)
-        assert values is not None
-        return values, self.symmetry.copy()
-
-    def set_state(self, values: dict[str, Any], symmetry: np.ndarray) -> None:
-        """Take over what `get_state` returned.
-
-        Raises:
-            SettingsError: If it is no such state.
-        """
-        rng, symmetry = generator_from(values), np.array(symmetry, dtype=np.int64)
-        in_range = ((symmetry >= 0) & (symmetry < self.n_symmetries)).all()
-        if rng is None or symmetry.shape != (self.num_envs,) or not in_range:
-            raise SettingsError(f"`symmetry` should hold {self.num_envs} numbers from 0 to {self.n_symmetries - 1}")
-        self._random, self.symmetry = rng, symmetry
-
-
-def symmetries(n_pb: int) -> tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]:
-    """Return every way to swap and flip `n_pb` axes as (order, signs); the first is the identity.
-
-    Example:
-        >>> len(symmetries(2)), symmetries(2)[0]
-        (8, ((0, 1), (1.0, 1.0)))
-    """
-    swaps = itertools.permutations(range(n_pb))
-    return tuple(itertools.product(swaps, itertools.product((1.0, -1.0), repeat=n_pb)))
-
-
-def _cell_table(order: tuple[int, ...], signs: tuple[float, ...]) -> np.ndarray:
-    """Return, for each of the agent's cells, the index of the environment's cell it is."""
-    n_pb = len(order)
-    strides = N_CELLS ** np.arange(n_pb)
-    agents = np.arange(N_CELLS**n_pb)[:, None] // strides % N_CELLS
-    environments = agents[:, order]
-    environments = np.where(np.array(signs) > 0.0, environments, N_CELLS - 1 - environments)
-    return environments @ strides
+    def make_parts(self, n_networks: int) -> tuple[Any, list[Any], CellDistribution]:
+        """Return what turns observations into features, networks that score cells by them, and the distribution."""
+        n_pb = int(np.prod(cast("Box", self.action_space).shape))
+        features = CellFeatures(cast("Box", self.observation_space), n_pb)
+        scoring = [CellWeights(features, self.width, self.n_layers) for _ in range(n_networks)]
+        return features, scoring, CellDistribution(n_pb)

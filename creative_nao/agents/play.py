@@ -19,6 +19,7 @@ from pydantic import Field
 
 from creative_nao.agents.base import Agent, Context, Imagination, Policy, PolicyAgent, check_kind
 from creative_nao.envs import Track
+from creative_nao.envs.observation import CELLS
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
 from creative_nao.runtime import search_current_folder
 from creative_nao.schema import Index, LongText, checked, dump, record
@@ -142,17 +143,25 @@ def play_episode(
         raise SettingsError(f"environment {env} should have Box spaces, but has {env.action_space}")
     observation, _ = env.reset(seed=seed, options=options)
     inner: Any = env.unwrapped
-    budget = getattr(inner, "n_actions", _USUAL_BUDGET) if n_actions is None else n_actions
     n_decisions = int(getattr(inner, "n_decisions", 1))
+    usual = (getattr(inner, "n_actions", _USUAL_BUDGET) if n_actions is None else n_actions) * n_decisions
+    n_steps = int(getattr(inner, "max_episode_steps", usual))  # in rehearsal more than are performed
     if (seen := observed_track(env)) > agent.track:
         raise SettingsError(
             f"agent `{agent.name}` is of the track `{agent.track}`, but these observations tell `{seen}`: make the "
             f'environment with observation="{agent.track}", or declare the agent\'s `track`'
         )
+    shape = env.observation_space.shape
+    trained = getattr(getattr(getattr(agent, "policy", None), "observation_space", None), "shape", shape)
+    if trained != shape:
+        raise SettingsError(
+            f"agent `{agent.name}` was trained with observations of shape {trained}, but these have {shape}: it plays "
+            "memories with as many PB units and episodes of the same length"
+        )
     imagination = Imagination(_imaginer(env), int(getattr(inner, "n_imagined", 0)))
     spaces = env.action_space, env.observation_space
     memory = getattr(inner, "memory", None)
-    agent.begin(Context(*spaces, budget * n_decisions, rng, memory, imagination, n_decisions=n_decisions))
+    agent.begin(Context(*spaces, n_steps, rng, memory, imagination, n_decisions=n_decisions))
     n_movements, ended = 0, False
     while not ended and n_movements != n_actions:
         pb = agent.ask(observation)
@@ -160,7 +169,7 @@ def play_episode(
         agent.tell(pb, observation, float(reward), info)
         n_movements += "outcome" in info
         ended = terminated or truncated
-        yield Step(pb, float(reward), info, imagination.n_used)
+        yield Step(pb, float(reward), info, max(imagination.n_used, int(info.get("n_imagined", 0))))
     if n_actions is not None and (not ended or n_movements < n_actions):
         found = "goes on" if not ended else f"ends after {n_movements}"
         raise SettingsError(f"`n_actions` should be the environment's episode length, but is {n_actions}; it {found}")
@@ -173,6 +182,13 @@ def observed_track(env: gym.Env) -> Track:
     if any(column.name == "distances" for column in getattr(inner, "try_columns", ())):
         return Track.TRAJECTORIES
     return Track.POINTS if "points" in parts else Track.OUTCOMES
+
+
+def told_track(env_id: str, env_kwargs: Mapping[str, Any]) -> Track:
+    """Return what the observations of an environment tell, by its name and settings; nothing is imported by them."""
+    registered = gym.registry.get(env_id)
+    told = {**({} if registered is None else registered.kwargs), **env_kwargs}.get("observation", CELLS)
+    return Track.OUTCOMES if told == CELLS else Track(told)
 
 
 def _imaginer(env: gym.Env) -> Callable[[np.ndarray, bool], list[dict[str, Any]]] | None:
@@ -213,7 +229,7 @@ def make_env(env_id: str, memory: Any, agent: Agent, n_actions: int | None = Non
     if env_id not in ENVIRONMENTS:
         return gym.make(env_id, memory=memory)
     given: dict[str, Any] = {} if n_actions is None else {"n_actions": n_actions}
-    if not env_id.endswith("-v0"):
+    if "observation" in gym.spec(env_id).kwargs:
         given["observation"] = str(min(Track(agent.track), Track.TRAJECTORIES))
     if agent.n_candidates > 1:
         given["n_imagined"] = agent.n_candidates * (n_actions or _USUAL_BUDGET)

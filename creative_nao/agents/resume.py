@@ -261,7 +261,7 @@ def _restore_buffer(buffer: Any, values: dict[str, Any], arrays: dict[str, np.nd
 
 def _layers(model: Any) -> tuple[Any, Any, Any]:
     """Return the monitor, the wrapper that flips and swaps PB axes or None, and the native vector environment."""
-    from creative_nao.agents.cells import FlippedSwappedAxes
+    from creative_nao.agents.augmentation import FlippedSwappedAxes
 
     monitor = model.get_env()
     adapter = getattr(monitor, "venv", None)

@@ -32,10 +32,10 @@ from creative_nao.errors import (
 from creative_nao.schema import Field, JsonObject, Positive, UnitInterval, checked, record
 from creative_nao.storage import MAX_YAML_BYTES, as_yaml, read_text
 
-CELL_POLICY = "creative_nao.agents.CellPolicy"
-"""PPO's policy over the cells of the PB space, by a dotted path as RL Zoo reads it."""
-CELL_SAC_POLICY = "creative_nao.agents.CellSACPolicy"
-"""The same for SAC."""
+CELL_POLICY, TRY_POLICY = "creative_nao.agents.CellPolicy", "creative_nao.agents.TryPolicy"
+"""PPO's policies over the cells of the PB space and over every try, by dotted paths as RL Zoo reads them."""
+CELL_SAC_POLICY, TRY_SAC_POLICY = "creative_nao.agents.CellSACPolicy", "creative_nao.agents.TrySACPolicy"
+"""The same for SAC; none of them is for rehearsal."""
 AUGMENTATION = "creative_nao.agents.FlippedSwappedAxes"
 """The one `vec_env_wrapper` there is: training episodes with flipped and swapped PB axes."""
 RELEASED_NAMES = {
@@ -75,10 +75,10 @@ class Algorithm:
 
     def policy_class(self, policy: str) -> Any:
         """Return the class of a policy, one of `policies`."""
-        if policy in (CELL_POLICY, CELL_SAC_POLICY):
-            from creative_nao.agents import cells
+        if policy in (CELL_POLICY, CELL_SAC_POLICY, TRY_POLICY, TRY_SAC_POLICY):
+            from creative_nao import agents
 
-            return cells.CellPolicy if policy == CELL_POLICY else cells.CellSACPolicy
+            return getattr(agents, policy.rpartition(".")[2])
         return self.load().policy_aliases[policy]
 
     def parameters(self, policy: str | None = None) -> dict[str, inspect.Parameter]:
@@ -89,11 +89,12 @@ class Algorithm:
 
 
 _SB3 = "stable_baselines3"
+_OF_SAC = ("MlpPolicy", CELL_SAC_POLICY, TRY_SAC_POLICY)
 ALGORITHMS = {
     one.name: one
     for one in (
-        Algorithm("ppo", _SB3, "PPO", on_policy=True, policies=("MlpPolicy", CELL_POLICY)),
-        Algorithm("sac", _SB3, "SAC", on_policy=False, policies=("MlpPolicy", CELL_SAC_POLICY), acting="actor."),
+        Algorithm("ppo", _SB3, "PPO", on_policy=True, policies=("MlpPolicy", CELL_POLICY, TRY_POLICY)),
+        Algorithm("sac", _SB3, "SAC", on_policy=False, policies=_OF_SAC, acting="actor."),
         Algorithm("td3", _SB3, "TD3", on_policy=False, acting="actor."),
         Algorithm("recurrent_ppo", "sb3_contrib", "RecurrentPPO", on_policy=True, policies=("MlpLstmPolicy",)),
         Algorithm("tqc", "sb3_contrib", "TQC", on_policy=False, acting="actor."),
@@ -127,7 +128,7 @@ Widths = Annotated[tuple[Annotated[int, Field(ge=1, le=4096)], ...], Field(max_l
 """Units of the hidden layers of a network, layer by layer."""
 _LARGEST = {
     "n_critics": 10, "n_quantiles": 1_000, "lstm_hidden_size": 2048, "n_lstm_layers": 8, "renorm_warmup_steps": 10**9,
-    "width": 512, "n_layers": 16,
+    "width": 512, "n_layers": 16, "resolution": 64,
 }  # fmt: skip
 _LARGEST_SIZE = {"log_std_init": 20.0, "clip_mean": 1e6, "batch_norm_momentum": 1.0, "batch_norm_eps": 1.0}
 _POLICY_SETTINGS: dict[str, Any] = {

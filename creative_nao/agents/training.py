@@ -17,7 +17,7 @@ import numpy as np
 
 from creative_nao import schema
 from creative_nao.agents.base import PolicyAgent, check_kind
-from creative_nao.agents.play import check_env, evaluate_agent
+from creative_nao.agents.play import check_env, evaluate_agent, told_track
 from creative_nao.agents.resume import TrainingRecord, load_checkpoint
 from creative_nao.agents.settings import (
     Copies,
@@ -168,7 +168,7 @@ def make_model(chosen: Hyperparameters, env_id: str, *, seed: int, env_kwargs: d
     from stable_baselines3.common.noise import NormalActionNoise
     from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-    from creative_nao.agents.cells import FlippedSwappedAxes
+    from creative_nao.agents.augmentation import FlippedSwappedAxes
     from creative_nao.envs import SB3VecEnv
 
     torch.set_num_threads(1)  # networks this small gain nothing from more, and lose much on busy cores
@@ -245,7 +245,8 @@ def train_agent(
 
     def evaluate() -> tuple[float, ...]:
         # TD3's policy draws nothing: its most likely action is its only one.
-        agent = PolicyAgent(model.policy, deterministic=chosen.algorithm == "td3")
+        track = told_track(plan.env, chosen.env_kwargs)
+        agent = PolicyAgent(model.policy, deterministic=chosen.algorithm == "td3", track=track)
         return tuple(one.reward for one in evaluate_agent(agent, plan.judged_env, memories, plan.judged_seeds))
 
     callback = TrainingCallback(

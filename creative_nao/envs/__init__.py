@@ -54,8 +54,8 @@ VECTOR_ENVIRONMENTS = {name: f"{path}VectorEnv" for name, path in _NAMES.items()
 def register_environments() -> None:
     """Register all environments; a second call changes nothing.
 
-    -v1 differs from -v0 in the setting `observation`. Gymnasium calls -v0 out of date when it is made; here that
-    warning is left away, since trained agents and published figures are bound to it.
+    -v1 differs from -v0 in the setting `observation`, which rehearsal has too. Gymnasium calls -v0 out of date when it
+    is made; here that warning is left away, since trained agents and published figures are bound to it.
     """
     from gymnasium.envs.registration import register, registry
 
@@ -68,7 +68,7 @@ def register_environments() -> None:
             register(
                 name, entry_point, max_episode_steps=EpisodeLength(n_steps),
                 vector_entry_point=VECTOR_ENVIRONMENTS[name],
-                kwargs={"observation": "trajectories"} if name.endswith("-v1") else {},
+                kwargs={"observation": "trajectories"} if name.endswith("-v1") or "Rehearsal" in name else {},
             )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ holds every try of the episode, as far as the agent's track of knowledge goes.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -245,6 +246,28 @@ def cells_of(space: Box, n_pb: int) -> slice:
             f"CreativeNao/ environments do, but is {space}"
         )
     return cells
+
+
+def tries_of(space: Any) -> tuple[Parts, Parts]:
+    """Return layout and columns of observations that tell every try, a PB vector each.
+
+    They follow from the bounds of the space, as `cells_of` says. A space of other observations, or of fewer than two
+    tries, raises SettingsError.
+    """
+    if isinstance(space, Box) and len(space.shape) == 1:
+        ends = np.flatnonzero(np.diff(space.low < 0.0, prepend=False, append=False)).reshape(-1, 2).tolist()
+        n_told = ends.pop(0)[1] if ends and ends[0][0] == 0 else 0  # numbers of the learned PB points
+        n_pb = ends[0][1] - ends[0][0] if len(ends) > 1 else 0
+        told = itertools.product((Track.TRAJECTORIES, Track.POINTS) if n_told else (Track.OUTCOMES,), (False, True))
+        for track, rehearsal in told if n_pb else ():
+            sizes: Any = {"n_actions": n_told // n_pb, "n_pb": n_pb, "track": track, "rehearsal": rehearsal}
+            parts, columns = layout(n_rows=len(ends), **sizes), try_columns(**sizes)
+            if observation_space(parts, columns) == space:
+                return parts, columns
+    raise SettingsError(
+        "`observation_space` should tell at least two tries of one PB vector each, as CreativeNao/ environments of -v1 "
+        f"and rehearsal do, but is {space}"
+    )
 
 
 @compiled()

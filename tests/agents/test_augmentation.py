@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box
 
-from creative_nao.agents.cells import FlippedSwappedAxes, symmetries
+from creative_nao.agents.augmentation import FlippedSwappedAxes, symmetries
 from creative_nao.agents.settings import AUGMENTATION, check_entry
 from creative_nao.envs import SB3VecEnv
-from creative_nao.envs.observation import N_CELLS, cells_of
+from creative_nao.envs.observation import N_CELLS, cells_of, split, tries_of
 from creative_nao.errors import SettingsError
 
 MENTAL = "CreativeNao/BoxingMental-v0"
@@ -56,6 +56,33 @@ def test_the_agent_sees_its_own_actions_in_its_own_cells(env, n_decisions):
         assert np.array_equal(seen[:, others], meant[:, others])
         assert np.array_equal(np.sort(seen[:, cells]), np.sort(meant[:, cells]))
     assert not np.array_equal(seen[:, cells], meant[:, cells])
+
+
+@pytest.mark.parametrize("env", ["CreativeNao/BoxingMental-v1", "CreativeNao/BoxingRehearsal-v0"])
+def test_the_agent_sees_tries_and_learned_points_turned_alike(env):
+    turned = wrapped(env)
+    seen = turned.reset()
+    turned.symmetry = np.arange(N)
+    plain = SB3VecEnv(env, N, n_threads=1, memory="half/0", n_actions=3)
+    meant = plain.reset()
+    parts, columns = tries_of(turned.observation_space)
+    rng, chosen = np.random.default_rng(0), []
+    for _ in range(3):
+        told, true = split(seen, parts, columns), split(meant, parts, columns)
+        points = told["points"].reshape(N, -1, 2)
+        if chosen:  # the learned points of the reset were turned otherwise
+            back = np.stack([turned.to_env(row, np.full(6, k)) for k, row in enumerate(points)])
+            assert np.array_equal(back.reshape(N, -1), true["points"])
+            assert np.array_equal(told["tries"][:, : len(chosen), 1:3], np.stack(chosen, axis=1))
+        assert np.array_equal(np.delete(told["tries"], [1, 2], axis=2), np.delete(true["tries"], [1, 2], axis=2))
+        action = rng.uniform(-1.0, 1.0, (N, turned.action_space.shape[0])).astype(np.float32)
+        action[:, 2:] = -1.0
+        chosen.append(action[:, :2])
+        sent = turned.to_env(action, turned.symmetry)
+        assert np.array_equal(sent[:, 2:], action[:, 2:])
+        seen, rewards, _, _ = turned.step(action)
+        meant, expected, _, _ = plain.step(sent)
+        assert np.array_equal(rewards, expected)
 
 
 def test_every_episode_is_turned_anew_and_its_last_observation_as_before():

@@ -50,7 +50,7 @@ def test_a_wrong_algorithm_brings_the_nearest():
         (
             "ppo",
             {"policy": "CnnPolicy"},
-            r"`policy` should be MlpPolicy or creative_nao.*\.CellPolicy, but is 'CnnPolicy'",
+            r"`policy` should be MlpPolicy or creative_nao.*\.TryPolicy, but is 'CnnPolicy'",
         ),
         ("ppo", {"policy_kwargs": {"net_arc": []}}, r"no setting `net_arc` \(did you mean `net_arch`\?\) of MlpPolicy"),
         ("ppo", {"policy_kwargs": "dict(activation_fn=nn.Relu)"}, r"no activation `nn.Relu` \(did you mean `ReLU`\?\)"),
