@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import itertools
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import tyro
 
-from creative_nao.errors import FileFormatError, MissingDependencyError, NotFoundError, SettingsError, printable, shown
+from creative_nao.errors import MissingDependencyError, SettingsError, printable
 from creative_nao.model import load_memory, shipped_memories
-from creative_nao.runtime import sha256
-from creative_nao.storage import note_unsealed, read_text
 
 INSTALL = 'pip install "creative-nao[explore]"'
-MAX_AGENT_POINTS = 5000
-MAX_LINE = 10_000  # characters of a line of a table
-CHOSEN = ("pb_1", "pb_2")
-"""Columns with the PB point of an action."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +31,7 @@ class ExploreSettings:
     resolution: int = 200
     """Points along each axis of the map."""
     run: Path | None = None
-    """Run folder of `evaluate` whose agents' choices are laid over the map."""
+    """Run folder of `evaluate` whose agents explore in the page as they did there; the memory is one of the run's."""
     physical: tuple[Path, ...] = ()
     """Physical maps of the memories, as `creative-nao map MEMORY --physical` writes them: the page can then colour by
     what the body makes of each movement."""
@@ -72,15 +61,19 @@ def run(settings: ExploreSettings) -> int:
         raise MissingDependencyError(f"the explorer needs {error.name or 'starlette'}: {INSTALL}") from error
     from creative_nao.explorer.favourites import Session, default_path
     from creative_nao.explorer.registry import MemoryRegistry, check_shown, load_physical
+    from creative_nao.explorer.run_episodes import RunEpisodes
 
     for memory in memories:
         check_shown(memory)
     physical = load_physical(settings.physical, memories)
+    run = None if settings.run is None else RunEpisodes(settings.run)
+    if run is not None:
+        run.check_name(memories[0])
     claim_port(settings.host, settings.port)
     explorer = Explorer(
         lambda: MemoryRegistry(memories, settings.resolution, physical),
         Session(settings.session or default_path()),
-        None if settings.run is None else choices(settings.run),
+        run,
     )
     memories_shown = printable(" beside ".join(settings.memories))
     print(f"{memories_shown} is at http://{settings.host}:{settings.port}/  (Ctrl-C ends)")
@@ -92,56 +85,6 @@ def run(settings: ExploreSettings) -> int:
         told=lambda line: print(printable(line), flush=True),
     )  # fmt: skip
     return 0
-
-
-def choices(folder: Path) -> np.ndarray:
-    """Return the PB points that the agents of a run folder chose, shape (n, 2), at most the first 5,000."""
-    path = folder / "episodes.csv"
-    if not path.is_file():
-        raise NotFoundError(f"no {path}; --run takes a folder that `creative-nao evaluate` wrote")
-    text = read_text(path, "table of episodes")
-    _check_sum(path)
-    reader = csv.DictReader(_lines(path, text))
-    points = []
-    try:
-        for name in CHOSEN:
-            if list(reader.fieldnames or ()).count(name) != 1:
-                raise FileFormatError(
-                    f"{path}: the first line should name the columns pb_1 and pb_2 once, between commas, "
-                    f"but is {', '.join(reader.fieldnames or ())[:200]}"
-                )
-        for row, _ in zip(reader, range(MAX_AGENT_POINTS), strict=False):
-            points.append([_coordinate(row[name], f"{path}: line {reader.line_num}: {name}") for name in CHOSEN])
-    except csv.Error as error:
-        raise FileFormatError(f"{path}: line {reader.line_num}: not a line of CSV ({error})") from None
-    found = np.array(points, dtype=np.float64).reshape(-1, len(CHOSEN))
-    return found[(np.abs(found) <= 1).all(axis=1)]  # an agent may ask for a point that is on no map
-
-
-def _lines(path: Path, text: str) -> Iterator[str]:
-    """Yield the first lines of a table; empty ones count too: a file of nothing else is not read to its end."""
-    for number, line in enumerate(itertools.islice(io.StringIO(text, newline=""), 2 * MAX_AGENT_POINTS), start=1):
-        if len(line) > MAX_LINE:
-            raise FileFormatError(f"{path}: line {number}: has {len(line)} characters, expected at most {MAX_LINE}")
-        yield line
-
-
-def _check_sum(path: Path) -> None:
-    """Compare a table of a run folder with the hash that `run.json` has of it."""
-    from creative_nao.evaluation.run import RECORD, read_record
-
-    told = read_record(path.parent).get("hashes") if (path.parent / RECORD).is_file() else None
-    if not isinstance(told, dict) or path.name not in told:
-        note_unsealed(f"table of episodes {path}")
-    elif told[path.name] != sha256(path):
-        raise FileFormatError(f"{path}: damaged, or changed by hand: it does not fit its SHA-256 in {RECORD}")
-
-
-def _coordinate(cell: str | None, where: str) -> float:
-    try:
-        return float(cell or "")
-    except ValueError:
-        raise FileFormatError(f"{where} should be a number, but is {shown(cell)}") from None
 
 
 def _write_pages(settings: ExploreSettings, target: Path) -> int:

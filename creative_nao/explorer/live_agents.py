@@ -1,46 +1,94 @@
-"""Agents that play before the eyes of the page: an episode in a memory, try by try."""
+"""Agents that explore before the eyes of the page, try by try: they play an episode now, or did so in a run."""
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 from typing import Any
 
 import numpy as np
 
-from creative_nao.agents import UNTRAINED, as_agent, load_agent, make_agent, shipped_agents
-from creative_nao.agents.play import play_episode
-from creative_nao.envs import BoxingMentalEnv
+from creative_nao.agents import UNTRAINED, make_agent, shipped_agents
+from creative_nao.agents.bundle import KIND, find_bundle
+from creative_nao.agents.play import make_env, play_episode
+from creative_nao.agents.registry import split_name
+from creative_nao.arrays import load_tensors
 from creative_nao.errors import NotFoundError, nearest_name
+from creative_nao.explorer.run_episodes import MENTAL, RunEpisodes, Try
 from creative_nao.model import Memory
 
-ENVIRONMENT = "BoxingMental-v0"
-BASELINES = ("map_elites", "random")
+UNTRAINED_ENVIRONMENT = f"{MENTAL}1"
 N_TRIES = 30
+MAX_CANDIDATES = 64
+"""An agent may look at so many movements before each that it performs."""
+MAX_DOTS = 5000
+IMAGINING = ("plan@8", "surrogate@8", "random@8")
+RECORDED = "run:"
+"""Begins the name of an agent of the run folder."""
 
 
-def agents_for(memory: Memory) -> list[str]:
-    """Return the agents that can play in a memory, the trained ones first."""
-    trained = [name for name in shipped_agents() if name.endswith(f"/{ENVIRONMENT}")]
-    return [*sorted(trained, reverse=True), *(name for name in BASELINES if name in UNTRAINED)]
+def trained_agents() -> list[str]:
+    """Return the names of the shipped agents that generate movements without physics, the best recorded score first."""
+    return sorted(
+        (name for name in shipped_agents() if _environment(name).startswith(MENTAL)), key=_score, reverse=True
+    )
 
 
-def tries(memory: Memory, name: str, seed: int) -> dict[str, Any]:
-    """Let an agent play one episode and return its tries: PB point, reward and outcome of each, JSON values.
+@functools.cache
+def _score(name: str) -> float:
+    header, _ = load_tensors(find_bundle(name), kind=KIND)  # making its policy would load torch
+    return float((header.get("score") or {}).get("mean", 0.0))
 
+
+def _environment(name: str) -> str:
+    """Return the environment that an agent plays in: a trained one where it was trained."""
+    return f"CreativeNao/{name.partition('/')[2]}" if "/" in name else UNTRAINED_ENVIRONMENT
+
+
+def agents_for(memory: Memory, run: RunEpisodes | None = None) -> dict[str, Any]:
+    """Return the agents that the page offers in a memory; JSON values.
+
+    `groups` of names with their titles, the `pair` that races unless others are chosen, and `guide`, who finds the
+    surprises of the tour.
+    """
+    trained, recorded = trained_agents(), [] if run is None else [f"{RECORDED}{name}" for name in run.of(memory.name)]
+    groups = {
+        "" if run is None else f"Of the run {run.name}": recorded,
+        "Trained": trained, "By rule or search": [*UNTRAINED], "Imagining eight before each": [*IMAGINING],
+    }  # fmt: skip
+    pair = [*recorded[:2], *trained[:1], "random"][:2]
+    return {
+        "groups": [[title, names] for title, names in groups.items() if names],
+        "pair": pair if pair[0] != pair[1] else [pair[0], "sobol"], "guide": [*trained, "map_elites"][0],
+    }  # fmt: skip
+
+
+def dots(memory: Memory, run: RunEpisodes | None) -> list[tuple[float, float]]:
+    """Return the PB points that agents of a run tried in a memory, at most `MAX_DOTS`."""
+    episodes = [] if run is None else [one for seeds in run.of(memory.name).values() for one in seeds]
+    return [one.pb for episode in episodes for one in episode][:MAX_DOTS]
+
+
+def tries(memory: Memory, name: str, seed: int, run: RunEpisodes | None = None) -> dict[str, Any]:
+    """Return the tries of one episode: PB point, reward, outcome and imagined movements of each, JSON values.
+
+    An agent of the run is taken at its `seed`-th episode there, beginning again after the last; another plays one now.
     NotFoundError if there is no such agent.
     """
-    known = agents_for(memory)
-    if name not in known:
-        raise NotFoundError(f"no agent `{name:.40}`{nearest_name(name, known)}; there are {', '.join(known)}")
-    agent = make_agent(name) if name in UNTRAINED else as_agent(load_agent(name))
-    env = BoxingMentalEnv(memory, n_actions=N_TRIES)
-    played = play_episode(agent, env, seed=seed, rng=np.random.default_rng(seed), n_actions=N_TRIES)
-    return {
-        "tries": [
-            {
-                "pb": [float(value) for value in step.pb],
-                "reward": float(step.reward),
-                "outcome": str(step.info["outcome"]),
-            }
-            for step in played
-        ]
-    }
+    recorded = {} if run is None else {f"{RECORDED}{title}": seeds for title, seeds in run.of(memory.name).items()}
+    if name in recorded:
+        found = recorded[name][seed % len(recorded[name])]
+    else:
+        base, n_candidates = split_name(name)
+        known = [*recorded, *trained_agents(), *UNTRAINED]
+        if base not in known or base in recorded or (n_candidates or 1) > MAX_CANDIDATES:
+            raise NotFoundError(f"no agent `{name:.40}`{nearest_name(name, known)}; there are {', '.join(known)}")
+        agent = make_agent(name)
+        env = make_env(_environment(base), memory, agent, N_TRIES)
+        played = play_episode(agent, env, seed=seed, rng=np.random.default_rng(seed), n_actions=N_TRIES)
+        found, before = [], 0
+        for pb, reward, info, n_imagined in played:
+            point = float(pb[0]), float(pb[1])
+            found.append(Try(point, float(reward), str(info["outcome"]), n_imagined - before))
+            before = n_imagined
+    return {"tries": [{k: v for k, v in dataclasses.asdict(one).items() if k != "distance"} for one in found]}

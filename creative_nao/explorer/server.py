@@ -35,10 +35,11 @@ from creative_nao.exchange import FORMATS, WRITABLE
 from creative_nao.explorer.favourites import Favourite, Session
 from creative_nao.explorer.gate import Gate
 from creative_nao.explorer.keyframes import KeyframeSet, Rows, boxing, ranges
-from creative_nao.explorer.live_agents import agents_for, tries
+from creative_nao.explorer.live_agents import agents_for, dots, tries
 from creative_nao.explorer.recordings import MAX_TICKS, export, read_upload
 from creative_nao.explorer.registry import Computation, LoadedMemory, MemoryRegistry, View, finer_cells, movement
 from creative_nao.explorer.robot_service import RobotService
+from creative_nao.explorer.run_episodes import RunEpisodes
 from creative_nao.explorer.training import Trainer, TrainingSessions
 from creative_nao.joints import JOINTS, N_JOINTS
 from creative_nao.model import TrainingSettings, condition_settings
@@ -103,9 +104,8 @@ class TrainRequest:
 class Explorer:
     """What all pages share; `load` gives the memories, and takes a while: pages wait, and say so."""
 
-    def __init__(self, load: Callable[[], MemoryRegistry], session: Session, dots: np.ndarray | None = None) -> None:
-        self.session, self.sessions = session, TrainingSessions()
-        self.dots = [] if dots is None else dots.tolist()
+    def __init__(self, load: Callable[[], MemoryRegistry], session: Session, run: RunEpisodes | None = None) -> None:
+        self.session, self.sessions, self.run = session, TrainingSessions(), run
         self._load, self._failure = load, ""
         self._ready = threading.Event()
         self.work = asyncio.Semaphore(2)  # what takes seconds, at a time: the page and its maps stay quick
@@ -119,10 +119,15 @@ class Explorer:
         try:
             self.robot = RobotService()
             self.registry = self._load()
+            if self.run is not None:
+                self.run.check(self.registry.first.memory)
             self.registry.start()
         except Exception as error:  # the page has to say so
             self._failure = str(error)
-            raise
+            if not isinstance(error, CreativeNaoError):
+                raise
+            told(f"error: {error}")
+            return
         finally:
             slow.cancel()
             self._ready.set()
@@ -175,14 +180,15 @@ class Explorer:
         return JSONResponse(
             {
                 "ready": True, "first": registry.first.name, "names": list(registry.names), "beside": registry.beside,
-                "dots": self.dots, "agents": agents_for(registry.first.memory),
                 "formats": [[name, f"{name}: {FORMATS[name].purpose}"] for name in WRITABLE],
             }
         )  # fmt: skip
 
     def get_memory(self, query: dict[str, str]) -> dict[str, Any]:
         """Return all that the page needs of a memory."""
-        return self.memory(query.get("name", "")).page_json()
+        loaded = self.memory(query.get("name", ""))
+        told = {"agents": agents_for(loaded.memory, self.run), "dots": dots(loaded.memory, self.run)}
+        return loaded.page_json() | told
 
     async def cells(self, request: Request) -> Response:
         """Return the map in a colouring or, with a window, finer cells; a page that asks no more ends the work."""
@@ -246,7 +252,7 @@ class Explorer:
         seed = query.get("seed", "0")
         if not (seed.isdigit() and len(seed) < 7):
             raise SettingsError(f"`seed` should be a whole number below a million, but is {seed!r:.40}")
-        return tries(self.memory(query.get("memory", "")).memory, query.get("name", ""), int(seed))
+        return tries(self.memory(query.get("memory", "")).memory, query.get("name", ""), int(seed), self.run)
 
     def get_favourites(self, query: dict[str, str]) -> list[dict[str, Any]]:
         """Return the favourites of a memory, named by its content hash."""

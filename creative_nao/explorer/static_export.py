@@ -33,14 +33,14 @@ def write_page(
     loaded = LoadedMemory(memory, resolution, physical)
     loaded.compute()
     agents = agents_for(memory)
+    pair = [*dict.fromkeys((agents["guide"], *agents["pair"]))][:2]
     data = {
-        "page": loaded.page_json(),
+        "page": loaded.page_json() | {"agents": {**agents, "pair": pair, "groups": [["", pair]]}, "dots": []},
         "robot": BrowserRobot().description,
         "colours": {
             name: loaded.cells(name) for name in COLOURS if physical is not None or not name.startswith(PHYSICAL)
         },
-        "agents": agents,
-        "tries": {name: tries(memory, name, 1) for name in (agents[0], agents[-1])},
+        "tries": {name: tries(memory, name, 1) for name in pair},
     }
     return storage.write_text(target, page(memory.name, data))
 

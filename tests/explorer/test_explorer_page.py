@@ -1,9 +1,13 @@
 """The page in a real browser: what a person does with the map, the robot, the drawer, tour and race."""
 
+import json
 import re
 
 import numpy as np
 import pytest
+from visiting import Server
+
+from creative_nao.cli import main
 
 
 def test_a_click_moves_the_robot_and_nothing_leaves_the_server(visit, server):
@@ -202,12 +206,52 @@ def test_the_tour_shows_surprises_and_ends(visit, server):
 
 
 @pytest.mark.slow
-def test_two_agents_race_on_the_map(visit, server):
+def test_two_agents_race_on_the_map_with_a_robot_each(visit, server):
     tab = visit(server.url)
     tab.press("Watch agents")
     tab.page.locator(".dot.b").first.wait_for(timeout=120_000)
+    assert tab("() => explorer.player.stages.length") == 2
+    labels = tab.page.locator(".stage .of")
+    assert all(re.search(r": [A-Z][\w ]+, \+\d+\.\d\d$", text) for text in labels.all_text_contents())
+    tab.press("To the end")
     tab.page.get_by_text("wins:").wait_for(timeout=120_000)
     assert tab.page.locator(".dot").count() == 60
+    tab.page.get_by_label("Yellow dots").select_option("plan@8")  # another race begins
+    tab.page.get_by_text("plan@8: ").wait_for(timeout=120_000)
+    tab.press("To the end")
+    tab.page.get_by_text("plan@8 wins:").wait_for()
+    assert tab.page.get_by_text("plan@8 imagined 240 movements").count() == 1
+    tab.press("End")
+    assert tab("() => [explorer.player.stages.length, explorer.player.speed]") == [1, 1]
+    assert tab.page.locator(".dot").count() == 0
+
+
+@pytest.mark.slow
+def test_the_agents_of_a_run_explore_as_they_did(visit, tmp_path):
+    suite = tmp_path / "mine.toml"
+    suite.write_text('agents = ["random", "sobol"]\nenvs = ["CreativeNao/BoxingMental-v0"]\nmemories = ["half/3"]\n'
+                     "n_seeds = 2\nn_actions = 5\n")  # fmt: skip
+    assert main(["evaluate", str(suite), "--out", str(tmp_path / "run"), "--n-workers", "1"]) == 0
+    results = json.loads((tmp_path / "run" / "results.json").read_text())
+    (row,) = (row for row in results["rows"] if row["agent"] == "sobol")
+    running = Server(tmp_path, words=["--run", str(tmp_path / "run")], memories=("half/3",))
+    try:
+        tab = visit(running.url)
+        assert tab.page.locator(".dot").count() == 20
+        tab.press("Watch agents")
+        tab.page.get_by_text("wins:").wait_for(timeout=120_000)
+        shares = tab.page.locator(".racer b").all_text_contents()
+        assert float(shares[1]) == pytest.approx(row["reward_per_seed"]["1"], abs=0.06)
+        assert tab.page.get_by_label("White dots").input_value() == "run:random"
+        tab.press("Again")
+        tab.page.get_by_text(" of 5. A try is").wait_for()
+        tab.page.get_by_text("wins:").wait_for(timeout=120_000)
+        shares = tab.page.locator(".racer b").all_text_contents()
+        assert float(shares[1]) == pytest.approx(row["reward_per_seed"]["0"], abs=0.06)
+        tab.page.get_by_label("Yellow dots").select_option("spread_points")  # a live one against it
+        tab.page.get_by_text("spread_points: ").wait_for(timeout=120_000)
+    finally:
+        running.stop()
 
 
 def test_a_phone_scrolls_and_has_the_robot_on_top(visit, server):

@@ -1,19 +1,22 @@
 """The parts of the explorer that need no browser."""
 
+import dataclasses
 import json
 import zlib
 from base64 import b64decode
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from creative_nao import maps
-from creative_nao.cli.explore import choices
+from creative_nao.agents import make_agent
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, ShapeError
+from creative_nao.evaluation.protocol import play, write_episodes
 from creative_nao.exchange import WRITABLE
 from creative_nao.explorer import cached_map
 from creative_nao.explorer.favourites import Favourite, Session
-from creative_nao.explorer.live_agents import agents_for, tries
+from creative_nao.explorer.live_agents import agents_for, dots, tries
 from creative_nao.explorer.recordings import _read, export, read_upload
 from creative_nao.explorer.registry import (
     COLOURS,
@@ -28,6 +31,7 @@ from creative_nao.explorer.registry import (
     movement,
 )
 from creative_nao.explorer.robot_service import RobotService
+from creative_nao.explorer.run_episodes import RunEpisodes
 from creative_nao.measures import score
 from creative_nao.measures.outcome import ALL_OUTCOMES
 from creative_nao.model import load_memory
@@ -124,13 +128,17 @@ def test_physics_tells_hits_and_films_are_made(memory):
 
 
 def test_an_agent_plays_and_others_are_refused(memory):
-    assert agents_for(memory)[0].startswith("sac/")
+    offered = agents_for(memory)
+    assert offered["pair"] == [offered["guide"], "random"]
+    assert "random" in dict(offered["groups"])["By rule or search"]
+    assert sum(one["imagined"] for one in tries(memory, "random@2", 3)["tries"]) == 60
     played = tries(memory, "random", 3)["tries"]
     assert played == tries(memory, "random", 3)["tries"]
     assert len(played) == 30
     assert sum(one["reward"] for one in played) > 0
-    with pytest.raises(NotFoundError, match="no agent `os:system`"):
-        tries(memory, "os:system", 0)
+    for name in ("os:system", "run:random", "random@9999", "/etc/passwd"):
+        with pytest.raises(NotFoundError, match=f"no agent `{name}`"):
+            tries(memory, name, 0)
 
 
 @pytest.mark.parametrize("format_name", [name for name in WRITABLE if name != "bvh"])
@@ -175,11 +183,38 @@ def test_favourites_survive_and_a_foreign_file_is_refused(tmp_path):
         Session(path)
 
 
-def test_choices_of_a_run_folder(tmp_path):
+def test_the_episodes_of_a_run_are_played_as_they_were(memory, tmp_path):
     with pytest.raises(NotFoundError, match="--run takes a folder"):
-        choices(tmp_path)
-    (tmp_path / "episodes.csv").write_text("step,pb_1,pb_2\n1,0.5,-0.5\n2,nan,0\n")
-    assert choices(tmp_path).tolist() == [[0.5, -0.5]]
-    (tmp_path / "episodes.csv").write_text("step\n1\n")
-    with pytest.raises(FileFormatError, match="pb_1 and pb_2"):
-        choices(tmp_path)
+        RunEpisodes(tmp_path)
+    env = gym.make("CreativeNao/BoxingMental-v0", memory=memory, n_actions=3)
+    played = [
+        play(make_agent(name), env, env_id=env_id, memory=memory.name, base_seed=0, seed=seed, n_actions=3)
+        for name, env_id, seed in (
+            ("random", "CreativeNao/BoxingMental-v0", 0), ("random", "CreativeNao/BoxingMental-v0", 4),
+            ("sobol", "CreativeNao/BoxingModulation-v0", 0),
+        )
+    ]  # fmt: skip
+    write_episodes(tmp_path / "episodes.csv", played)
+    run = RunEpisodes(tmp_path)
+    run.check_name(memory)
+    run.check(memory)
+    offered = agents_for(memory, run)
+    assert offered["groups"][0][1] == ["run:random"]  # of modulation a point tells no movement
+    assert offered["pair"][0] == "run:random"
+    for seed, episode in ((0, played[0]), (1, played[1]), (2, played[0])):
+        told = tries(memory, "run:random", seed, run)["tries"]
+        assert [(one["pb"], one["reward"], one["outcome"]) for one in told] == [
+            (action.pb, action.reward, action.outcome) for action in episode.actions
+        ]
+    assert len(dots(memory, run)) == 6
+    with pytest.raises(SettingsError, match="played in another memory of this name"):
+        run.check(dataclasses.replace(load_memory("half/3"), name=memory.name))
+    with pytest.raises(SettingsError, match=f"no episodes in half/3, but in {memory.name}; begin with"):
+        run.check_name(load_memory("half/3"))
+    text = (tmp_path / "episodes.csv").read_text()
+    for old, new, said in (
+        ("pb_1", "pb", "should name the columns"), (",2,", ",7,", "step should be 2"), ("random,", "random,,", "cells"),
+    ):  # fmt: skip
+        (tmp_path / "episodes.csv").write_text(text.replace(old, new, 1))
+        with pytest.raises(FileFormatError, match=said):
+            RunEpisodes(tmp_path)

@@ -13,8 +13,8 @@ from safetensors.numpy import load, save
 from victims import ARCHIVES, KINDS, TENSORS
 
 from creative_nao.arrays import load_tensors, read_npz, save_tensors
-from creative_nao.cli.explore import choices
 from creative_nao.errors import CreativeNaoError, FileFormatError
+from creative_nao.explorer.run_episodes import RunEpisodes
 from creative_nao.maps import PBMap
 from creative_nao.model import Memory
 from creative_nao.model.memory import PRETRAINED
@@ -185,11 +185,11 @@ def test_a_table_of_episodes_is_held_against_its_hash_in_the_record(victims, tmp
     table.write_bytes(victims["episodes"].path.read_bytes())
     values = {**read_json(victims["record"].path, "record"), "hashes": {table.name: sha256(table)}}
     write_json(tmp_path / "run.json", values)
-    assert len(choices(tmp_path)) == 2
+    assert len(RunEpisodes(tmp_path).of("half/0")["random"][0]) == 2
     assert caplog.records == []
     table.write_bytes(table.read_bytes().replace(b"0.25", b"0.26"))
     with pytest.raises(FileFormatError, match=r"episodes\.csv: damaged, or changed by hand: .* in run\.json"):
-        choices(tmp_path)
+        RunEpisodes(tmp_path)
 
 
 def test_equal_content_has_equal_bytes_with_its_checksums(tmp_path):

@@ -9,7 +9,7 @@ import zipfile
 import numpy as np
 import pytest
 from safetensors.numpy import load, save
-from victims import ARCHIVES, ENV, TENSORS
+from victims import ARCHIVES, ENV, EPISODES, TENSORS
 
 from creative_nao.errors import CreativeNaoError, FileFormatError, SettingsError
 
@@ -307,13 +307,17 @@ def test_a_wrong_field_of_a_document_is_named(kind, part, changes, victims, tmp_
 
 TABLES = [
     ("episodes", "pb_1", "agent,pb_2\nrandom,0.5\n"),
-    ("episodes", "pb_1", "agent;pb_1;pb_2\nrandom;0,5;0,5\n"),
-    ("episodes", "line 2: pb_2", "pb_1,pb_2\n0.5\n"),
-    ("episodes", "line 2: pb_1", "pb_1,pb_2\nhalf,0.5\n"),
-    ("episodes", "line 2: pb_1", 'pb_1,pb_2\n"0,5",0.5\n'),
-    ("episodes", "line 3: pb_2", "pb_1,pb_2\n0,0\n0,\0\n"),
-    ("episodes", "pb_1", "pb_1,pb_1,pb_2\n0,0,0\n"),
-    ("episodes", "line", "pb_1,pb_2\n0," + "9" * 200_000 + "\n"),
+    ("episodes", "pb_1", EPISODES.replace(",", ";")),
+    ("episodes", "line 2: should have 9 cells", EPISODES.replace(",0\n", "\n", 1)),
+    ("episodes", "line 2: pb_1", EPISODES.replace("0.25", "half")),
+    ("episodes", "line 2: pb_1", EPISODES.replace("0.25", '"0,25"')),
+    ("episodes", "line 3: pb_2", EPISODES.replace("0.5,unlearned", "\0,unlearned")),
+    ("episodes", "line 3: pb_2", EPISODES.replace("0.5,unlearned", "nan,unlearned")),
+    ("episodes", "line 3: outcome", EPISODES.replace("unlearned", "taught")),
+    ("episodes", "line 3: step should be 2", EPISODES.replace("0,2,0.5", "0,3,0.5")),
+    ("episodes", "line 2: seed", EPISODES.replace("half/0,0,1", "half/0,-1,1")),
+    ("episodes", "pb_1", EPISODES.replace("pb_2", "pb_1")),
+    ("episodes", "line", EPISODES + "9" * 200_000 + "\n"),
     ("training_log", "n_decisions", "n_decisions,loss\nmany,1\n"),
     ("csv", "line 3", "time_s,RElbowYaw\n0,0\n1e-9,0\n"),
     ("csv", "line 3: has the time 1e+300", "time_s,RElbowYaw\n0,0\n1e300,0\n"),

@@ -24,7 +24,6 @@ from creative_nao.agents.resume import load_checkpoint as load_agent_checkpoint
 from creative_nao.agents.resume import save_checkpoint as save_agent_checkpoint
 from creative_nao.agents.settings import check_entry, read_hyperparameters
 from creative_nao.agents.training import PPOSettings
-from creative_nao.cli.explore import choices
 from creative_nao.demonstrations import Demonstrations, load_demonstrations, load_take, propose_cuts
 from creative_nao.demonstrations.files import load_trajectory, save_trajectory
 from creative_nao.demonstrations.take import LANDMARKS
@@ -36,6 +35,7 @@ from creative_nao.evaluation.results import read_results, write_results
 from creative_nao.evaluation.run import read_record, write_record
 from creative_nao.evaluation.suites import read_suite
 from creative_nao.explorer.favourites import Favourite, Session
+from creative_nao.explorer.run_episodes import RunEpisodes
 from creative_nao.maps import PBMap, pb_grid
 from creative_nao.model import Memory, NetworkSettings, TrainingSettings, train_network
 from creative_nao.model.training import TrainingState, load_checkpoint, save_checkpoint
@@ -63,7 +63,6 @@ READERS = {
     "creative_nao/agents/settings.py": ("yaml",),
     "creative_nao/agents/resume.py": ("agent_checkpoint",),
     "creative_nao/agents/callbacks.py": ("training_log",),
-    "creative_nao/cli/explore.py": ("episodes",),
     "creative_nao/demonstrations/files.py": ("csv", "taught"),
     "creative_nao/demonstrations/take.py": ("take_csv", "take_bvh"),
     "creative_nao/envs/physical_map.py": ("physical", "unfinished"),
@@ -85,6 +84,7 @@ READERS = {
         "motion_postures",
     ),
     "creative_nao/explorer/favourites.py": ("session",),
+    "creative_nao/explorer/run_episodes.py": ("episodes",),
     "creative_nao/model/training.py": ("checkpoint",),
     "creative_nao/model/memory.py": ("memory",),
     "creative_nao/maps/map.py": ("map",),
@@ -174,7 +174,12 @@ def make_victims(folder: Path) -> dict[str, Victim]:
         "toml": _text(folder / "mine.toml", TOML, read_suite),
         "session": Victim(_session(folder / "explorer.json"), lambda path: Session(path)._favourites),
         "episodes": _text(
-            folder / "episodes.csv", EPISODES, lambda path: choices(_in_place(path, "episodes.csv")), use=_finite
+            folder / "episodes.csv",
+            EPISODES,
+            lambda path: RunEpisodes(_in_place(path, "episodes.csv")),
+            use=lambda run: _finite(
+                np.array([one.pb for tries in run.of("half/0").get("random", []) for one in tries])
+            ),
         ),
         "training_log": _text(folder / "progress.csv", "n_decisions,loss\n64,0.5\n128,0.25\n", read_log),
         **_run_folder(folder / "run"),
@@ -194,7 +199,10 @@ TOML = (
     f'agents = ["random"]\nenvs = ["{ENV}"]\nmemories = ["half/0"]\nn_seeds = 2\nn_actions = 3\n[ppo]\nhidden = [8]\n'
     "[taught]\nseeds = [1]\n"
 )
-EPISODES = "agent,step,pb_1,pb_2,outcome\nrandom,1,0.25,-0.5,learned\nrandom,2,0.5,0.5,unlearned\n"
+EPISODES = (
+    "agent,env,memory,seed,step,pb_1,pb_2,outcome,reward\n"
+    f"random,{ENV},half/0,0,1,0.25,-0.5,learned,0\nrandom,{ENV},half/0,0,2,0.5,0.5,unlearned,0.75\n"
+)
 
 
 def _text(path: Path, text: str, load: Callable[[Path], Any], use: Any = lambda loaded: None) -> Victim:

@@ -4,7 +4,7 @@ import { PBMap, WHOLE, following, legend, rampCss, zoomed } from "./map.js";
 import { Player, Stage } from "./robot.js";
 import { Alone, Served, base64Blob, download } from "./source.js";
 import { curvesSvg, fill, make } from "./drawing.js";
-import { race, tour } from "./shows.js";
+import { race, runDots, tour } from "./shows.js";
 
 export const $ = (id) => document.getElementById(id);
 const embedded = $("data");
@@ -16,7 +16,7 @@ const kept = {
 const nameOf = (outcome) => `chip ${outcome}`;
 
 export const app = {
-  panels: [], points: [[0, 0]], past: [], future: [], view: WHOLE, colour: "nearest", drawing: null, favourites: [],
+  panels: [], points: [[0, 0]], past: [], future: [], view: WHOLE, colour: "nearest", drawing: null, favourites: [], racing: false,
   physics: kept.get("physics") === "yes", ghost: kept.get("ghost") !== "no", player: null, robot: null, state: null,
 };
 globalThis.explorer = app; // for tests and benchmarks
@@ -24,7 +24,7 @@ globalThis.explorer = app; // for tests and benchmarks
 // One memory: its map, its robot and its movement.
 class Panel {
   constructor(name, page) {
-    Object.assign(this, { name, key: page.key, colours: page.colours, fine: page.fine, page, finer: null, body: null });
+    Object.assign(this, { name, key: page.key, colours: page.colours, fine: page.fine, agents: page.agents, dots: page.dots, page, finer: null, body: null });
     this.memory = new Memory(page.memory);
   }
 
@@ -59,8 +59,7 @@ class Panel {
 
   remove() {
     for (const part of [this.host, this.place, this.words]) part.remove();
-    app.player.stages = app.player.stages.filter((stage) => stage !== this.stage);
-    this.stage?.renderer.dispose();
+    this.stage?.remove();
   }
 
   present(recall, anew) {
@@ -127,7 +126,7 @@ function settle(push = false) {
     follow();
     details();
     buttons();
-    if (app.physics && source.served) for (const panel of app.panels) if (!panel.body) panel.perform();
+    if (app.physics && source.served && !app.racing) for (const panel of app.panels) if (!panel.body) panel.perform();
   }, 160);
 }
 
@@ -694,7 +693,7 @@ async function start() {
     first.host.append(make("div", { className: "hint", id: "hint" }, "Every point is a movement. Drag to explore."));
     first.host.addEventListener("pointerdown", () => kept.set("touched", "yes"), { once: true });
   }
-  if (app.state.dots?.length) first.map.mark({ dots: app.state.dots.map((pb) => [pb, ""]) });
+  first.map.mark({ dots: runDots() });
   const hint = $("hint");
   app.points = place.points ?? [first.cells.surprise() ?? first.memory.pb[0]];
   show(app.points, { keep: false });

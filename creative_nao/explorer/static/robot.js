@@ -99,7 +99,8 @@ export class Stage {
     host.append(this.renderer.domElement);
     this.controls = plain ? null : this.control();
     this.home();
-    new ResizeObserver(() => this.fit()).observe(host);
+    this.watcher = new ResizeObserver(() => this.fit());
+    this.watcher.observe(host);
     this.fit();
     player?.stages.push(this);
   }
@@ -161,6 +162,16 @@ export class Stage {
   refresh() {
     this.dirty = true;
     this.player?.wake();
+  }
+
+  remove() {
+    this.player.stages = this.player.stages.filter((stage) => stage !== this);
+    this.watcher.disconnect();
+    this.controls?.dispose();
+    this.scene.traverse((part) => [part.geometry, part.material].forEach((held) => held?.dispose()));
+    this.renderer.dispose();
+    this.renderer.forceContextLoss(); // a browser gives a page a few contexts only
+    this.renderer.domElement.remove();
   }
 
   // movement: {dt, angles} without a body, or {dt, n, tracks, hits} of physics; ghost: {dt, angles} or null

@@ -1,34 +1,38 @@
 // What the page shows by itself: a tour of surprises that a trained agent found, and two agents racing.
-import { $, app, favourites, show, source, surprise, toast, waiting } from "./page.js";
-import { sentence, stretches } from "./engine.js";
+import { $, app, setBeside, show, source, surprise, toast, waiting } from "./page.js";
+import { CHIPS, sentence, stretches } from "./engine.js";
+import { Stage } from "./robot.js";
 import { make } from "./drawing.js";
 
 let stopped = () => {};
 
-function sheet(title, children, next = []) {
+// A panel over the page with a title and a way to end; `ended` is called once, whatever ends it.
+function sheet(title, children, next, ended = () => {}) {
   stopped();
   const box = $("stop");
   const close = make("button", { className: "quiet" }, "End");
   close.addEventListener("click", () => stopped());
   box.replaceChildren(make("h2", {}, title), ...children, make("div", { className: "row" }, [...next, make("span", { className: "gap" }), close]));
+  box.setAttribute("aria-label", title);
   box.hidden = false;
   const run = { over: false };
   stopped = () => {
     run.over = true;
     box.hidden = true;
-    for (const one of app.panels) one.map.mark({ dots: (app.state.dots ?? []).map((pb) => [pb, ""]) });
+    app.panels[0].map.mark({ dots: runDots() });
     stopped = () => {};
+    ended();
   };
   return run;
 }
 
-const tries = (agent) => source.agent(agent, app.panels[0].name, 1);
+export const runDots = () => app.panels[0].dots.map((pb) => [pb, ""]);
+const tries = (agent, seed = 1) => source.agent(agent, app.panels[0].name, seed);
 
 // Four surprises: of what the agent earned most with, those that lie apart.
 export async function tour() {
-  const [best] = app.state.agents ?? [];
-  const { memory } = app.panels[0];
-  const played = best ? await waiting(() => tries(best), $("tour")) : null;
+  const { memory, agents: { guide } } = app.panels[0];
+  const played = await waiting(() => tries(guide), $("tour"));
   const found = [];
   for (const one of [...(played?.tries ?? [])].sort((a, b) => b.reward - a.reward)) {
     const apart = found.every(({ pb }) => Math.hypot(pb[0] - one.pb[0], pb[1] - one.pb[1]) > 0.15);
@@ -49,48 +53,101 @@ export async function tour() {
     const next = make("button", { className: "primary" }, last ? "Explore yourself" : "Next");
     next.addEventListener("click", () => (last ? stopped() : step(place + 1)));
     sheet(`Surprise ${place + 1} of ${found.length}`, [
-      make("p", {}, `The agent ${best} found this: nobody taught it. ${words} It earned ${reward.toFixed(1)} for being so different.`),
+      make("p", {}, `The agent ${guide} found this: nobody taught it. ${words} It earned ${reward.toFixed(1)} for being so different.`),
     ], [next]);
     next.focus();
   }
 }
 
-// Two agents explore before your eyes, try by try, and are paid for what is new.
-export async function race() {
-  const agents = app.state.agents ?? [];
-  if (agents.length < 2) return toast("There are no agents here to watch.");
-  const racers = [];
-  for (const name of [agents[0], agents.at(-1)]) {
-    const played = await waiting(() => tries(name), $("race"));
-    if (!played) return;
-    racers.push({ name, tries: played.tries, total: 0, bar: make("i"), score: make("b", { className: "figures" }, "0") });
-  }
+const spokenName = (name) => name.replace(/^run:/, "");
+const RACERS = ["White", "Yellow"];
+const [FIRST_TURNS, SLOW_MS, FAST_MS, RACE_SPEED] = [3, 1700, 850, 3.5];
+
+function choice(k, groups, pair, again) {
+  const list = make("select", { ariaLabel: `${RACERS[k]} dots` }, groups.map(([title, names]) => {
+    const options = names.map((name) => new Option(spokenName(name), name, false, name === pair[k]));
+    return title ? make("optgroup", { label: title }, options) : options;
+  }).flat());
+  list.addEventListener("change", () => again(pair.map((name, place) => (place === k ? list.value : name))));
+  return list;
+}
+
+// Two agents explore before your eyes, a robot for each, try by try, and are paid for what is new.
+export async function race(pair = app.panels[0].agents.pair, seed = 1, sign = $("race")) {
+  const played = await waiting(() => Promise.all(pair.map((name) => tries(name, seed))), sign);
+  if (!played) return;
+  stopped();
+  if (app.panels.length > 1) await setBeside("");
+  const [panel] = app.panels;
+  const { groups } = panel.agents;
+  const racers = played.map((one, k) => ({
+    ...one, name: spokenName(pair[k]), total: 0, bar: make("i"), score: make("b", { className: "figures" }, "0.0"),
+    words: make("span", { className: `of ${"ab"[k]}` }, spokenName(pair[k])), imagined: one.tries.reduce((sum, { imagined }) => sum + imagined, 0),
+  }));
   const most = Math.max(...racers.map((racer) => racer.tries.reduce((sum, one) => sum + Math.max(0, one.reward), 0)), 1);
+  const n = Math.max(...racers.map((racer) => racer.tries.length));
+  const note = make("p", { className: "small" }, "A try is a movement, paid by how different it is from all that the robot knows by then.");
+  const again = (next, seed) => race(next, seed, row);
   const rows = racers.map((racer, k) => make("div", { className: `racer ${"ab"[k]}` }, [
-    make("span", {}, `${k ? "Yellow" : "White"} dots: ${racer.name}`), racer.score, make("div", { className: "bar" }, [racer.bar]),
+    make("label", {}, [choice(k, groups, pair, (next) => again(next, seed))]), racer.score, make("div", { className: "bar" }, [racer.bar]),
   ]));
-  const note = make("p", { className: "small" }, "Each try is one movement. It is paid by how different it is from all that the robot knows by then.");
-  const run = sheet("Two agents explore", [note, ...rows]);
-  const dots = [];
-  const speed = app.player.speed;
-  app.player.speed = 3;
-  for (let turn = 0; turn < racers[0].tries.length && !run.over; turn++) {
-    for (const [k, racer] of racers.entries()) {
+  const more = make("button", {}, "Again");
+  more.addEventListener("click", () => again(pair, seed + 1));
+  const skip = make("button", {}, "To the end");
+  const row = make("span");
+  const { player } = app;
+  const before = { speed: player.speed, playing: player.playing };
+  const place = make("div", { className: "stage" });
+  const run = sheet("Two agents explore", [make("div", { className: "racers" }, rows), note], [row, skip, more], () => {
+    player.speed = before.speed;
+    if (!before.playing) player.pause();
+    second?.remove();
+    panel.stage?.setGhost(app.ghost);
+    racers[0].words.remove();
+    place.remove();
+    document.body.classList.remove("racing");
+    app.racing = false;
+    show(app.points, { keep: false });
+  });
+  document.body.classList.add("racing");
+  app.racing = true;
+  $("stages").append(place);
+  const second = panel.stage && new Stage(place, app.robot, player);
+  panel.stage?.setGhost(false);
+  [panel.place, place].forEach((host, k) => host.append(racers[k].words));
+  skip.addEventListener("click", () => (run.fast = true));
+  player.speed = RACE_SPEED;
+  if (!matchMedia("(prefers-reduced-motion: reduce)").matches) player.playing = true;
+  const marks = [];
+  for (let turn = 0; turn < n && !run.over; turn++) {
+    for (const dot of marks) dot[1] = dot[1].replace(" fresh", "");
+    racers.forEach((racer, k) => {
       const one = racer.tries[turn];
-      if (!one || run.over) continue;
+      if (!one) return;
       racer.total += one.reward;
-      racer.score.textContent = racer.total.toFixed(0);
+      racer.score.textContent = racer.total.toFixed(1);
       racer.bar.style.width = `${(100 * Math.max(0, racer.total)) / most}%`;
-      for (const dot of dots) dot[1] = dot[1].replace(" fresh", "");
-      dots.push([one.pb, `${"ab"[k]} fresh`]);
-      app.panels[0].map.mark({ dots });
-      show([one.pb], { keep: false });
-      await new Promise((done) => setTimeout(done, turn < 4 ? 1400 : 450));
-    }
+      racer.words.textContent = `${racer.name}: ${CHIPS[one.outcome]}, +${one.reward.toFixed(2)}`;
+      marks.push([one.pb, `${"ab"[k]} fresh`]);
+      if (k) second?.show({ dt: panel.memory.dt, angles: panel.memory.recall([one.pb]).angles });
+      else show([one.pb], { keep: false });
+    });
+    player.touched = performance.now();
+    player.start(true);
+    panel.map.mark({ dots: marks });
+    note.textContent = `Try ${turn + 1} of ${n}. A try is a movement, paid by how different it is from all that the robot knows by then.`;
+    if (!run.fast) await new Promise((done) => setTimeout(done, turn < FIRST_TURNS ? SLOW_MS : FAST_MS));
   }
-  app.player.speed = speed;
   if (run.over) return;
-  const [a, b] = racers;
-  note.textContent = `${a.total > b.total ? a.name : b.name} wins: ${Math.max(a.total, b.total).toFixed(0)} against ${Math.min(a.total, b.total).toFixed(0)}. That is what the benchmark measures, over many memories.`;
-  favourites();
+  skip.remove();
+  player.speed = before.speed;
+  note.textContent = [result(racers), ...racers.filter((racer) => racer.imagined).map((racer) =>
+    `${racer.name} imagined ${racer.imagined} movements before performing ${racer.tries.length}.`),
+  "That is what the benchmark measures, over many memories."].join(" ");
+}
+
+function result(racers) {
+  const [best, other] = [...racers].sort((a, b) => b.total - a.total);
+  const [high, low] = [best, other].map(({ total }) => total.toFixed(1));
+  return high === low ? `Both earn ${high}.` : `${best.name} wins: ${high} against ${low}.`;
 }

@@ -38,7 +38,7 @@ export class Alone {
     this.data = data;
   }
 
-  state = async () => ({ ready: true, first: this.data.page.memory.name, names: [], beside: "", agents: this.data.agents });
+  state = async () => ({ ready: true, first: this.data.page.memory.name, names: [], beside: "" });
   robot = async () => this.data.robot;
   memory = async () => this.data.page;
   cells = async (_, colour, view) => (view ? null : this.data.colours[colour] ?? this.data.page.cells);
