@@ -32,6 +32,9 @@ from .cells import (
     CellPolicy,
     CellSACPolicy,
 )
+from .learned_map.agent import (
+    LearnedMapAgent,
+)
 from .quality_diversity import (
     CmaMeAgent,
     MapElitesAgent,
@@ -88,6 +91,7 @@ __all__ = [
     "ImagineAgent",
     "ImagineWithBodyAgent",
     "LatticeAgent",
+    "LearnedMapAgent",
     "MapElitesAgent",
     "NoveltySearchAgent",
     "OracleAgent",

@@ -14,6 +14,7 @@ import numpy as np
 from creative_nao.agents import black_box, quality_diversity, rehearsal, surrogate
 from creative_nao.agents.base import Agent, Context, PolicyAgent, as_track
 from creative_nao.agents.bundle import find_bundle, load_bundle, shipped_agents
+from creative_nao.agents.learned_map.agent import LearnedMapAgent
 from creative_nao.agents.settings import ALGORITHMS
 from creative_nao.envs import Track
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
@@ -272,4 +273,6 @@ def make_agent(name: str, bundle: str | Path | None = None) -> Agent:
     trained = load_bundle(bundle)
     if known and trained.header.agent != name:
         raise SettingsError(f"`bundle` should hold a `{name}` agent, but {bundle} holds `{trained.header.agent}`")
+    if trained.header.agent == LearnedMapAgent.name:
+        return LearnedMapAgent(trained)
     return PolicyAgent(trained, name=trained.header.agent)

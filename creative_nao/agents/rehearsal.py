@@ -146,8 +146,10 @@ class PlanningAgent(MovementAgent[S]):
     def next_pb(self) -> np.ndarray:
         """Imagine a part of the budget, and return the PB vector of the movement farthest from all known ones."""
         self._is_imagined = False
-        if n := self.context.n_imagined_left // self._n_left:
-            self.imagine(self.where(n))
+        n = self.context.n_imagined_left // self._n_left
+        n_at_once = getattr(self.settings, "n_at_once", n)
+        for start in range(0, n, max(n_at_once, 1)):
+            self.imagine(self.where(min(n_at_once, n - start)))
         if not len(self._distances) or not np.isfinite(best := self._distances.max()) or best < 0.0:
             return self.untried()
         place = int(self._distances.argmax())

@@ -45,7 +45,7 @@ def capture(model: Any) -> ResumeState:
     """Return the exact state of a model of Stable-Baselines3, of its environments and of what it has logged."""
     values: dict[str, Any] = {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)}
     arrays: dict[str, np.ndarray] = {}
-    values["parameters"] = _pack(model.get_parameters(), "parameters", arrays)
+    values["parameters"] = pack(model.get_parameters(), "parameters", arrays)
     for name, tensor in _variables(model).items():
         arrays[f"variable.{name}"] = _copied(tensor)
     arrays["last_obs"] = model._last_obs.copy()
@@ -89,7 +89,7 @@ def restore(model: Any, state: ResumeState) -> None:
                 setattr(model, name, _counted(name, values[name]))
         part = "parameters"
         settings = {name: _group_settings(one) for name, one in _optimisers(model).items()}
-        model.set_parameters(_unpack(values["parameters"], arrays), exact_match=True, device="cpu")
+        model.set_parameters(unpack(values["parameters"], arrays), exact_match=True, device="cpu")
         _check_optimisers(model, settings)
         part = "variables"
         for name, tensor in _variables(model).items():
@@ -294,9 +294,8 @@ def _like(arrays: dict[str, np.ndarray], name: str, example: np.ndarray | None) 
     """Return a copy of an array that has the kind and shape of the one it replaces."""
     found = arrays[name]
     if example is not None and (found.shape != example.shape or found.dtype != example.dtype):
-        raise ValueError(
-            f"`{name}` should be {example.dtype} of shape {example.shape}, but is {found.dtype} of {found.shape}"
-        )
+        shapes = f"{example.dtype} of shape {example.shape}, but is {found.dtype} of {found.shape}"
+        raise ValueError(f"`{name}` should be {shapes}")
     return found.copy()
 
 
@@ -311,7 +310,7 @@ def _copied(tensor: Any) -> np.ndarray:
     return tensor.detach().cpu().numpy().copy()
 
 
-def _pack(value: Any, path: str, arrays: dict[str, np.ndarray]) -> Any:
+def pack(value: Any, path: str, arrays: dict[str, np.ndarray]) -> Any:
     """Return `value` as plain values; its tensors go to `arrays` under their path."""
     import torch
 
@@ -319,23 +318,24 @@ def _pack(value: Any, path: str, arrays: dict[str, np.ndarray]) -> Any:
         arrays[path] = _copied(value)
         return {"tensor": path}
     if isinstance(value, dict):
-        return {"items": [[key, _pack(one, f"{path}.{key}", arrays)] for key, one in value.items()]}
+        return {"items": [[key, pack(one, f"{path}.{key}", arrays)] for key, one in value.items()]}
     if isinstance(value, list | tuple):
-        kind = "list" if isinstance(value, list) else "tuple"
-        return {kind: [_pack(one, f"{path}.{place}", arrays) for place, one in enumerate(value)]}
+        parts = [pack(one, f"{path}.{place}", arrays) for place, one in enumerate(value)]
+        return {"list" if isinstance(value, list) else "tuple": parts}
     return {"value": value}
 
 
-def _unpack(packed: dict[str, Any], arrays: dict[str, np.ndarray]) -> Any:
+def unpack(packed: dict[str, Any], arrays: dict[str, np.ndarray]) -> Any:
+    """Return the value that `pack` gave as plain values and `arrays`."""
     import torch
 
     (kind, inside), *_ = packed.items()
     if kind == "tensor":
         return torch.from_numpy(arrays[inside].copy())
     if kind == "items":
-        return {key: _unpack(one, arrays) for key, one in inside}
+        return {key: unpack(one, arrays) for key, one in inside}
     if kind in ("list", "tuple"):
-        parts = [_unpack(one, arrays) for one in inside]
+        parts = [unpack(one, arrays) for one in inside]
         return parts if kind == "list" else tuple(parts)
     return inside
 

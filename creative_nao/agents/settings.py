@@ -54,6 +54,7 @@ class Algorithm:
         on_policy: Whether it learns from whole rollouts of its present policy, and keeps no replay buffer.
         policies: Names of policies it may have; the first is the default.
         acting: Prefix of the weights that choosing an action needs; a bundle keeps these only.
+        supervised: Whether it learns from the truth of memories, not in environments.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Algorithm:
     on_policy: bool
     policies: tuple[str, ...] = ("MlpPolicy",)
     acting: str = ""
+    supervised: bool = False
 
     def load(self) -> Any:
         """Return the class, or raise a `MissingDependencyError` where its package is not installed."""
@@ -84,11 +86,11 @@ class Algorithm:
     def parameters(self, policy: str | None = None) -> dict[str, inspect.Parameter]:
         """Return the settings of its constructor, or of a policy's, by name; those that are made here are left out."""
         maker = self.load() if policy is None else self.policy_class(policy)
-        settings = inspect.signature(maker.__init__).parameters
+        settings = inspect.signature(maker).parameters
         return {k: one for k, one in settings.items() if k not in _MADE_HERE and one.kind is not one.VAR_KEYWORD}
 
 
-_SB3 = "stable_baselines3"
+_SB3, _LEARNED_MAP = "stable_baselines3", "creative_nao.agents.learned_map.training"
 _OF_SAC = ("MlpPolicy", CELL_SAC_POLICY, TRY_SAC_POLICY)
 ALGORITHMS = {
     one.name: one
@@ -99,6 +101,7 @@ ALGORITHMS = {
         Algorithm("recurrent_ppo", "sb3_contrib", "RecurrentPPO", on_policy=True, policies=("MlpLstmPolicy",)),
         Algorithm("tqc", "sb3_contrib", "TQC", on_policy=False, acting="actor."),
         Algorithm("crossq", "sb3_contrib", "CrossQ", on_policy=False, acting="actor."),
+        Algorithm("learned_map", _LEARNED_MAP, "SupervisedMap", False, policies=("AttentiveMap",), supervised=True),
     )
 }
 """Every algorithm by name. RL Zoo calls RecurrentPPO `ppo_lstm`; `find_algorithm` knows both."""
@@ -128,9 +131,10 @@ Widths = Annotated[tuple[Annotated[int, Field(ge=1, le=4096)], ...], Field(max_l
 """Units of the hidden layers of a network, layer by layer."""
 _LARGEST = {
     "n_critics": 10, "n_quantiles": 1_000, "lstm_hidden_size": 2048, "n_lstm_layers": 8, "renorm_warmup_steps": 10**9,
-    "width": 512, "n_layers": 16, "resolution": 64,
+    "width": 512, "n_layers": 16, "resolution": 64, "n_heads": 64, "n_candidates": 65_536, "n_at_once": 100_000,
 }  # fmt: skip
-_LARGEST_SIZE = {"log_std_init": 20.0, "clip_mean": 1e6, "batch_norm_momentum": 1.0, "batch_norm_eps": 1.0}
+_LARGEST_SIZE = {"log_std_init": 20.0, "clip_mean": 1e6, "temperature": 1e3, "optimism": 100.0, "spacing": 10.0}
+_LARGEST_SIZE |= dict.fromkeys(("batch_norm_momentum", "batch_norm_eps", "dropout", "first_share"), 1.0)
 _POLICY_SETTINGS: dict[str, Any] = {
     "activation_fn": str,
     "optimizer_kwargs": dict[str, float | bool],
@@ -197,13 +201,12 @@ _ARGUMENTS: dict[str, Any] = {
     **dict.fromkeys(("learning_rate", "clip_range", "clip_range_vf"), _Rate),
     **dict.fromkeys(("gamma", "gae_lambda", "tau"), _Share),
     "n_steps": _whole(0, 10**6),
-    "buffer_size": _whole(0, 10**7),
-    "batch_size": _whole(0, 10**7),
+    **dict.fromkeys(("buffer_size", "batch_size"), _whole(0, 10**7)),
     "n_epochs": _whole(0, 10**4),
     "gradient_steps": _whole(-1, 10**6),
     "sde_sample_freq": _whole(-1, 10**9),
 }
-_BY_DEFAULT: dict[type, Any] = {bool: bool, int: _whole(0, 10**9)}
+_BY_DEFAULT: dict[type, Any] = {bool: bool, int: _whole(0, 10**9), tuple: tuple[_whole(0, 10**3), ...]}
 """Kinds of all other settings of an algorithm, by the kind of its default; the rest are numbers."""
 _PREFIXES = {
     "lin_": ("learning_rate", "clip_range", "clip_range_vf"),  # falls linearly from the number that follows
@@ -296,9 +299,8 @@ def read_hyperparameters(
     if not isinstance(entries, dict) or not all(isinstance(name, str) for name in entries):
         raise FileFormatError(f"{path}: should map names of environments to settings, but holds {shown(entries)}")
     if env_id not in entries:
-        raise NotFoundError(
-            f"{path.name}: no entry `{env_id}`{nearest_name(env_id, entries)}; there are {', '.join(entries)}"
-        )
+        nearest = nearest_name(env_id, entries)
+        raise NotFoundError(f"{path.name}: no entry `{env_id}`{nearest}; there are {', '.join(entries)}")
     return check_entry(known.name, entries[env_id], f"{path.name}: {env_id}")
 
 
@@ -317,16 +319,17 @@ def _checked_entry(algorithm: str, entry: Any) -> Hyperparameters:
     for key in entry:
         if key not in keys:
             raise SettingsError(f"no setting `{key}`{nearest_name(str(key), keys)} of {known.class_name}")
-    if entry.get("normalize", False) is not False:
-        raise SettingsError(
-            f"`normalize` should be false, but is {shown(entry['normalize'])}: observations already lie in [-1, 1], "
-            "and a bundle holds no running statistics"
-        )
+    if (came := entry.get("normalize", False)) is not False:
+        text = "observations already lie in [-1, 1], and a bundle holds no running statistics"
+        raise SettingsError(f"`normalize` should be false, but is {shown(came)}: {text}")
     wrapper = RELEASED_NAMES.get(str(entry.get("vec_env_wrapper")), entry.get("vec_env_wrapper"))
     if wrapper not in (None, AUGMENTATION):
         raise SettingsError(f"`vec_env_wrapper` should be {AUGMENTATION}, or left out, but is {shown(wrapper)}")
-    policy = str(entry.get("policy", known.policies[0]))
-    policy = RELEASED_NAMES.get(policy, policy)
+    if known.supervised:
+        for key in ("n_envs", "env_kwargs", "noise_type", "vec_env_wrapper"):
+            if entry.get(key) not in (None, {}, 1):
+                raise SettingsError(f"`{key}` is for learning in environments, but {known.name} learns from memories")
+    policy = RELEASED_NAMES.get(policy := str(entry.get("policy", known.policies[0])), policy)
     if policy not in known.policies:
         raise SettingsError(f"`policy` should be {' or '.join(known.policies)}, but is {shown(policy)}")
     noise = entry.get("noise_type"), entry.get("noise_std")
@@ -334,9 +337,8 @@ def _checked_entry(algorithm: str, entry: Any) -> Hyperparameters:
         if known.on_policy:
             raise SettingsError(f"`noise_type` is for algorithms with a replay buffer, not for {known.class_name}")
         if noise[0] != "normal" or noise[1] is None:
-            raise SettingsError(
-                f'`noise_type` should be "normal" with a `noise_std`, but is {shown(noise[0])} with {shown(noise[1])}'
-            )
+            told = f"{shown(noise[0])} with {shown(noise[1])}"
+            raise SettingsError(f'`noise_type` should be "normal" with a `noise_std`, but is {told}')
     policy_kwargs = _mapping(entry.get("policy_kwargs", {}), "policy_kwargs")
     with naming("`policy_kwargs`"):
         names = known.parameters(policy)

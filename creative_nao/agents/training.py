@@ -162,6 +162,8 @@ def make_model(chosen: Hyperparameters, env_id: str, *, seed: int, env_kwargs: d
         SettingsError: If the algorithm refuses a setting.
     """
     checked(Index, seed, "seed")
+    if find_algorithm(chosen.algorithm).supervised:
+        raise SettingsError(f"{chosen.algorithm} learns from memories, not in an environment: `learned_map.training`")
     import gymnasium as gym
     import torch
     from stable_baselines3.common.monitor import Monitor

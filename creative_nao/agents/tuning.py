@@ -63,6 +63,10 @@ class TuningPlan:
     conf_file: Path | None = None
     n_judged_seeds: Count = 3
 
+    def __post_init__(self) -> None:
+        if find_algorithm(self.algorithm).supervised:
+            raise SettingsError(f"{self.algorithm} has no search: train it with several files of --conf-file")
+
 
 @dataclass(frozen=True)
 class TuningResult:

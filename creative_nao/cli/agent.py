@@ -12,7 +12,6 @@ import numpy as np
 import tyro
 
 from creative_nao import storage
-from creative_nao.agents.base import PolicyAgent
 from creative_nao.agents.bundle import BundleHeader, TrainedPolicy, machine, replay, save_bundle
 from creative_nao.agents.play import PlayedEpisode, Score, check_env, evaluate_agent, evaluate_policy
 from creative_nao.agents.record import FOLDER, record_dataset
@@ -40,17 +39,18 @@ class TrainAgentSettings:
     """
 
     algorithm: tyro.conf.Positional[str]
-    """ppo, sac, td3; with the extra `agents`: recurrent_ppo, tqc, crossq."""
+    """ppo, sac, td3, learned_map; with the extra `agents`: recurrent_ppo, tqc, crossq."""
     out: Path
     """Folder to write."""
-    env: str = "CreativeNao/BoxingMental-v0"
-    """Environment the agent is for: its hyperparameters, and where its recorded score is played."""
+    env: str | None = None
+    """Environment the agent is for: its hyperparameters, and where its recorded score is played; default:
+    CreativeNao/BoxingMental-v0, of learned_map CreativeNao/BoxingMental-v1."""
     train_env: str | None = None
     """Environment to train in: the mental twin of a physical one is hundreds of times faster; default: --env."""
     seed: int = 0
     """Seed of weights, draws and environments; one seed, one agent."""
     timesteps: int | None = None
-    """Decisions in training; default: those of the hyperparameter file."""
+    """Decisions in training, of learned_map simulated episodes; default: those of the hyperparameter file."""
     conf_file: Path | None = None
     """Hyperparameters as YAML in RL Zoo's format; default: the shipped ones."""
     augment: bool | None = None
@@ -59,6 +59,10 @@ class TrainAgentSettings:
     """Memory, or part of the bank, to train on; never a test memory."""
     validation_memory: str = "validation"
     """Memory, or part of the bank, to be judged on."""
+    memories: Path | None = None
+    """Of learned_map: folder of `creative-nao agent memories`, to train on beside --memory."""
+    validation_memories: Path | None = None
+    """Of learned_map: another such folder, to be judged on beside --validation-memory."""
     evaluation_interval: int = 20_000
     """Decisions from one evaluation to the next; the best weights are kept."""
     judged_seeds: int = 2
@@ -77,7 +81,9 @@ class TrainAgentSettings:
 
 def run_train(settings: TrainAgentSettings) -> int:
     """Train, write bundle and logs, print the recorded score; after Ctrl-C only the checkpoint is written."""
+    settings = dataclasses.replace(settings, env=settings.env or _env_of(settings.algorithm))
     plan = _plan(settings)
+    supervised = find_algorithm(settings.algorithm).supervised
     checkpoint = settings.out / "checkpoint.safetensors"
     if settings.judged_seeds > FIRST_SCORE_SEED:
         raise SettingsError(
@@ -95,22 +101,22 @@ def run_train(settings: TrainAgentSettings) -> int:
             note = f"validation {np.mean(record.evaluations[-1]):.2f}, best {record.best_mean:.2f}"
             display.show("training", min(done, n_decisions), note)
 
-        policy, record = train_agent(
-            plan,
-            checkpoint=checkpoint,
-            resume=settings.resume,
-            tensorboard=settings.out / "tensorboard" if settings.tensorboard else None,
-            logs=settings.out,
-            progress=show,
-            stop=stop,
-        )
+        options: dict[str, Any] = {
+            "checkpoint": checkpoint, "resume": settings.resume, "logs": settings.out, "progress": show, "stop": stop,
+        }  # fmt: skip
+        if supervised:
+            policy, record, n_actions_training = _train_map(plan, settings, options)
+        else:
+            tensorboard = settings.out / "tensorboard" if settings.tensorboard else None
+            policy, record = train_agent(plan, tensorboard=tensorboard, **options)
+            n_actions_training = n_decisions
     header = BundleHeader(
         agent=plan.hyperparameters.algorithm,
         settings=plan.hyperparameters,
         env=plan.env,
         memory=plan.memory,
         seed=plan.seed,
-        n_actions_training=n_decisions,
+        n_actions_training=n_actions_training,
         observation_space=policy.observation_space,
         action_space=policy.action_space,
         command=_command(settings, plan),
@@ -126,6 +132,7 @@ def run_train(settings: TrainAgentSettings) -> int:
         "env": score.env,
         "seed": header.seed,
         "n_decisions": n_decisions,
+        "n_actions_training": n_actions_training,
         "deterministic": score.deterministic,
         "validation_reward": {"mean": score.mean, "low": low, "high": high},
         "untrained_reward": float(np.mean(record.evaluations[0])),
@@ -137,17 +144,40 @@ def run_train(settings: TrainAgentSettings) -> int:
     return 0
 
 
+def _env_of(algorithm: str) -> str:
+    return f"CreativeNao/BoxingMental-v{int(find_algorithm(algorithm).supervised)}"
+
+
+def _train_map(
+    plan: TrainingPlan, settings: TrainAgentSettings, options: dict[str, Any]
+) -> tuple[Any, TrainingRecord, int]:
+    """Train a learned map; return it, the record, and how many movements of train memories were generated for it."""
+    from creative_nao.agents.learned_map.training import train_map
+    from creative_nao.agents.learned_map.truth import bank_truths, read_truths
+
+    cache = settings.out / "truths"
+    truths, judged = (bank_truths(memories_of(name), cache) for name in (plan.memory, plan.judged_memory))
+    truths += [] if settings.memories is None else read_truths(settings.memories)
+    judged += [] if settings.validation_memories is None else read_truths(settings.validation_memories)
+    policy, record = train_map(plan, truths, judged, **options)
+    return policy, record, sum(len(truth.pb) for truth in truths)
+
+
 def _plan(settings: TrainAgentSettings) -> TrainingPlan:
-    find_algorithm(settings.algorithm)
-    trained_in = settings.env if settings.train_env is None else settings.train_env
-    for env_id in (settings.env, trained_in):
+    known, env = find_algorithm(settings.algorithm), str(settings.env)
+    trained_in = env if settings.train_env is None else settings.train_env
+    for env_id in (env, trained_in):
         check_env(env_id)
-    chosen = read_hyperparameters(settings.algorithm, settings.env, settings.conf_file)
+    of_maps = [name for name in ("memories", "validation_memories") if getattr(settings, name) is not None]
+    of_envs = [name for name in ("train_env", "augment") if getattr(settings, name) is not None]
+    if wrong := of_envs + ["tensorboard"] * settings.tensorboard if known.supervised else of_maps:
+        raise SettingsError(f"--{wrong[0].replace('_', '-')} means nothing to {known.name}")
+    chosen = read_hyperparameters(settings.algorithm, env, settings.conf_file)
     if settings.timesteps is not None:
         chosen = chosen.replace(n_timesteps=settings.timesteps)
     if settings.augment is not None:
         chosen = chosen.replace(augment=settings.augment)
-    find_algorithm(settings.algorithm).load()
+    known.load()
     return TrainingPlan(
         chosen,
         env=trained_in,
@@ -165,8 +195,8 @@ def _score(trained: TrainedPolicy, settings: TrainAgentSettings, plan: TrainingP
     """Play the recorded score; whether actions are drawn or the likeliest taken is decided where it was trained."""
     memories = memories_of(plan.judged_memory)
     seeds = tuple(range(FIRST_SCORE_SEED, FIRST_SCORE_SEED + settings.score_seeds))
-    n_episodes = len(memories) * len(seeds)
-    with Display({"scoring": n_episodes * (2 + (settings.env != plan.env))}) as display:
+    n_episodes, env = len(memories) * len(seeds), str(settings.env)
+    with Display({"scoring": n_episodes * (2 + (env != plan.env))}) as display:
 
         def play(env_id: str, deterministic: bool, n_before: int) -> Score:
             return evaluate_policy(
@@ -174,7 +204,7 @@ def _score(trained: TrainedPolicy, settings: TrainAgentSettings, plan: TrainingP
             )
 
         best = max(play(plan.env, True, 0), play(plan.env, False, n_episodes), key=lambda score: score.mean)
-        return best if settings.env == plan.env else play(settings.env, best.deterministic, 2 * n_episodes)
+        return best if env == plan.env else play(env, best.deterministic, 2 * n_episodes)
 
 
 def _command(settings: TrainAgentSettings, plan: TrainingPlan) -> str:
@@ -190,13 +220,17 @@ def _command(settings: TrainAgentSettings, plan: TrainingPlan) -> str:
     words += changed_flags(
         settings, ("memory", "validation_memory", "evaluation_interval", "judged_seeds", "score_seeds")
     )
+    for name in ("memories", "validation_memories"):
+        if (folder := getattr(settings, name)) is not None:
+            words.append(f"--{name.replace('_', '-')} {folder.name}")
     return " ".join([*words, f"--out {settings.out.name}"])
 
 
 def _training_lines(figures: dict[str, Any]) -> Iterator[str]:
     reward = figures["validation_reward"]
     how = "likeliest actions" if figures["deterministic"] else "drawn actions"
-    yield f"{figures['bundle']}: {figures['agent']}, {figures['n_decisions']} decisions, {how}"
+    counted = "simulated episodes" if find_algorithm(figures["agent"]).supervised else "decisions"
+    yield f"{figures['bundle']}: {figures['agent']}, {figures['n_decisions']} {counted}, {how}"
     yield (
         f"reward on validation memories in {figures['env']}: {reward['mean']:.2f} "
         f"({reward['low']:.2f} to {reward['high']:.2f}), {figures['n_episodes']} episodes; "
@@ -228,7 +262,8 @@ def run_episodes(settings: RunAgentSettings) -> int:
     """Play, print one line an episode and the mean with its interval."""
     checked(Count, settings.episodes, "--episodes")
     agent = make_agent(settings.agent)
-    trained = agent.policy if isinstance(agent, PolicyAgent) and isinstance(agent.policy, TrainedPolicy) else None
+    policy = getattr(agent, "policy", None)
+    trained = policy if isinstance(policy, TrainedPolicy) else None
     if settings.replay:
         if trained is None:
             raise SettingsError(f"--replay needs a trained agent with a recorded score, but got `{settings.agent}`")
@@ -240,7 +275,7 @@ def run_episodes(settings: RunAgentSettings) -> int:
     seeds = range(settings.seed, settings.seed + settings.episodes)
     with Display({"playing": len(memories) * len(seeds)}) as display:
         episodes = evaluate_agent(agent, env_id, memories, seeds, progress=lambda done: display.show("playing", done))
-    deterministic = agent.deterministic if isinstance(agent, PolicyAgent) else True
+    deterministic = getattr(agent, "deterministic", True)
     score = Score(env_id, deterministic, episodes)
     low, high = score.interval
     mean = (

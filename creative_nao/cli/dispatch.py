@@ -118,6 +118,7 @@ COMMANDS = {
     "infer": ("infer", "InferSettings", "find the point of a memory's PB space that makes a recorded movement"),
     "export": ("export", "ExportSettings", "write a movement for a robot, another program, or as a film"),
     "agent train": ("agent", "TrainAgentSettings", "train an agent that learns to explore a memory"),
+    "agent memories": ("agent_memories", "AgentMemoriesSettings", "train memories for `agent train learned_map`"),
     "agent tune": ("agent", "TuneAgentSettings", "search hyperparameters on validation memories"),
     "agent run": ("agent", "RunAgentSettings", "let an agent play and print what it earned"),
     "agent record": ("agent", "RecordAgentSettings", "write an agent's episodes as a Minari dataset"),

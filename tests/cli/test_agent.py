@@ -95,7 +95,7 @@ def test_an_agent_plays_named_memories(trained, capsys):
         (["run", "ppo"], "agent `ppo` is trained first"),
         (["tune", "ppo", "--judged-seeds", "0", "--out", "x"], "`n_judged_seeds` should be at least 1, but is 0"),
         (["tune", "ppo", "--trials", "0", "--out", "x"], "`n_trials` should be at least 1, but is 0"),
-        (["fly"], "no command `agent fly`; there are train, tune, run"),
+        (["fly"], "no command `agent fly`; there are train, memories, tune, run"),
     ],
 )
 def test_a_mistake_is_one_line(words, text, capsys, tmp_path, monkeypatch):
