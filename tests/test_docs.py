@@ -208,7 +208,7 @@ def test_every_page_and_example_is_in_the_contents():
     contents = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     for page in (ROOT / "docs").glob("*.md"):
         assert f": {page.name}\n" in contents, f"add {page.name} to `nav` in mkdocs.yml"
-    for example in (ROOT / "examples").glob("*.py"):
+    for example in (ROOT / "examples").glob("*.*"):
         assert f"`examples/{example.name}`" in TEXTS["docs/tutorials.md"], example.name
 
 

@@ -1,5 +1,7 @@
 """The programs of the tutorials run, shortened by their own options, and say what they should."""
 
+import base64
+import json
 import os
 import runpy
 import subprocess
@@ -47,6 +49,40 @@ def test_the_example_runs_in_a_fresh_interpreter(name, tmp_path):
 
     assert result.returncode == 0, result.stderr
     assert said in result.stdout
+
+
+NOTEBOOK = EXAMPLES / "08_in_a_notebook.ipynb"
+
+
+def test_the_notebook_is_committed_without_outputs_and_its_cells_are_python():
+    notebook = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
+    cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert len(cells) >= 6
+    for cell in cells:
+        assert cell["outputs"] == []
+        assert cell["execution_count"] is None
+        compile("".join(cell["source"]), "cell", "exec")
+
+
+@pytest.mark.slow
+def test_the_notebook_shows_map_curves_robot_and_explorer(tmp_path, monkeypatch):
+    """A Jupyter kernel of its own runs it from the first cell to the last."""
+    import nbclient
+    import nbformat
+
+    monkeypatch.setenv("PYTHONPATH", str(EXAMPLES.parent))
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    nbclient.NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(tmp_path)}}).execute()
+
+    outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
+    assert not [output for output in outputs if output.get("name") == "stderr"]
+    shown = [output.data for output in outputs if output.output_type == "execute_result"]
+    assert ["image/png" in data for data in shown] == [False, True, True, True, False, False]
+    assert "data:image/png;base64" in shown[0]["text/html"]  # the memory with its map
+    assert base64.b64decode(shown[4]["image/gif"])[:6] == b"GIF89a"
+    assert "srcdoc=" in shown[5]["text/html"]
+    assert any("rad from it" in output.text for output in outputs if output.output_type == "stream")
+    assert not list(tmp_path.iterdir())  # nothing is left where it was opened
 
 
 def test_every_example_is_tested():

@@ -1,16 +1,24 @@
 """The page as one file: it works from a disk, asks for nothing, and text from a memory runs nothing."""
 
+import contextlib
 import dataclasses
 import re
+import shutil
+import socket
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from visiting import free_port
 
 from creative_nao.cli import main
 from creative_nao.explorer.static_export import STATIC, bundled, page, write_page
 from creative_nao.model import load_memory
 
+DOCS = Path(__file__).parents[2] / "docs"
 EVIL = (
     "<img src=x onerror=document.title='A1'>", "</script><script>document.title='A2'</script>", "{{7*7}}",
     "\"><svg onload=document.title='A4'>", "`${document.title='A5'}`", "<!--<script>",
@@ -82,9 +90,34 @@ def test_the_bundle_has_no_imports_left_and_its_policy_no_holes():
 
 def test_the_file_of_the_documentation_has_the_scripts_of_today():
     """`creative-nao explore half/0 --html docs/play.html --resolution 100` writes it."""
-    text = (Path(__file__).parents[2] / "docs" / "play.html").read_text(encoding="utf-8")
+    text = (DOCS / "play.html").read_text(encoding="utf-8")
     assert bundled() in text
     assert (STATIC / "page.css").read_text(encoding="utf-8") in text
+
+
+@pytest.mark.slow
+def test_the_first_page_of_the_documentation_holds_it_alive(visit, tmp_path):
+    """The site is built and served as it would be published."""
+    shutil.copytree(DOCS, tmp_path / "docs")
+    shutil.copy(DOCS.parent / "mkdocs.yml", tmp_path)
+    subprocess.run([sys.executable, "-m", "zensical", "build", "--strict"], cwd=tmp_path, check=True)
+    port = free_port()
+    command = [sys.executable, "-m", "http.server", str(port), "--bind", "127.0.0.1", "--directory", tmp_path / "site"]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as site:
+        try:
+            for _ in range(100):
+                with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=5):
+                    break
+                time.sleep(0.1)
+            tab = visit(f"http://127.0.0.1:{port}/index.html")
+            frame = tab.page.locator("iframe").element_handle().content_frame()
+            frame.wait_for_function("() => !document.body.classList.contains('loading')")
+            before = frame.evaluate("() => explorer.points")
+            frame.get_by_role("button", name="Surprise me", exact=True).click()
+            frame.wait_for_function("(before) => String(explorer.points) !== String(before)", arg=before)
+            assert all(url.startswith((f"http://127.0.0.1:{port}/", "data:", "blob:")) for url in tab.requests)
+        finally:
+            site.terminate()
 
 
 def test_a_folder_takes_a_file_for_each_memory(tmp_path, capsys):
