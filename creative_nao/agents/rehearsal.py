@@ -147,9 +147,9 @@ class PlanningAgent(MovementAgent[S]):
         """Imagine a part of the budget, and return the PB vector of the movement farthest from all known ones."""
         self._is_imagined = False
         n = self.context.n_imagined_left // self._n_left
-        n_at_once = getattr(self.settings, "n_at_once", n)
-        for start in range(0, n, max(n_at_once, 1)):
-            self.imagine(self.where(min(n_at_once, n - start)))
+        n_at_once = max(-(-n // getattr(self.settings, "n_rounds", 1)), 1)
+        for done in range(0, n, n_at_once):
+            self.imagine(self.where(min(n_at_once, n - done)))
         if not len(self._distances) or not np.isfinite(best := self._distances.max()) or best < 0.0:
             return self.untried()
         place = int(self._distances.argmax())

@@ -262,7 +262,7 @@ def run_episodes(settings: RunAgentSettings) -> int:
     """Play, print one line an episode and the mean with its interval."""
     checked(Count, settings.episodes, "--episodes")
     agent = make_agent(settings.agent)
-    policy = getattr(agent, "policy", None)
+    policy = getattr(agent, "trained", getattr(agent, "policy", None))
     trained = policy if isinstance(policy, TrainedPolicy) else None
     if settings.replay:
         if trained is None:

@@ -8,17 +8,9 @@ import numpy as np
 import pytest
 
 from creative_nao.agents import BundleHeader, load_agent, make_agent, save_bundle
-from creative_nao.agents.learned_map.agent import LearnedMapAgent, LearnedMapSettings, pick
-from creative_nao.agents.learned_map.training import (
-    SimulatedEpisode,
-    SupervisedMap,
-    judge,
-    learning_rate,
-    make_batch,
-    rows_of,
-    train_map,
-    turned,
-)
+from creative_nao.agents.learned_map.agent import LearnedMapSettings, refined
+from creative_nao.agents.learned_map.episodes import SimulatedEpisode, random_warp
+from creative_nao.agents.learned_map.training import Simulator, SupervisedMap, judge, learning_rate, train_map
 from creative_nao.agents.learned_map.truth import (
     KIND,
     MemoryTruth,
@@ -39,8 +31,9 @@ from creative_nao.measures import dtw, reward_scale
 from creative_nao.model import load_memory
 
 ENV = "CreativeNao/BoxingMental-v1"
-NET = {"width": 8, "n_heads": 2, "n_layers": 1, "n_candidates": 36, "optimism": 0.5, "n_at_once": 2}
-ENTRY = {"n_timesteps": 12, "batch_size": 4, "n_queries": 8, "imagined_share": 0.5, "policy_kwargs": NET}
+NET = {"width": 8, "n_heads": 2, "n_layers": 1, "n_asked": 36, "n_refined": 16, "n_rounds": 2}
+OWN = {"own_interval": 1, "own_size": 2, "imagined_share": 0.5, "swapped_actions": [1, 0, 3, 2, 5, 4]}
+ENTRY = {"n_timesteps": 12, "batch_size": 4, "n_queries": 8, **OWN, "policy_kwargs": NET}
 
 
 def plan(**changes):
@@ -90,7 +83,7 @@ def test_a_truth_is_what_the_memory_generates(truths, tmp_path):
     assert truth.form == (2, 6)
     path = truth.save(tmp_path / "one.truth.safetensors")
     (again,) = read_truths(tmp_path)
-    for name in ("name", "pb", "outcome", "distances", "gaps", "learned_pb"):
+    for name in ("name", "pb", "outcome", "distances", "gaps", "learned_pb", "basic_gaps"):
         assert np.array_equal(getattr(again, name), getattr(truth, name)), name
     assert kept_truth(memory, path, n_points=36).name == "half/0"
     assert kept_truth(memory, path, "made again", n_points=16).name == "made again"
@@ -134,40 +127,64 @@ def test_no_memory_is_learned_from_and_judged_on(truths):
 
 def test_a_simulated_episode_keeps_the_books_of_the_environment(truths):
     """Its rows and rewards are those that the environment tells of the same points."""
-    truth = truths[0]
-    episodes = [SimulatedEpisode(truth, np.random.default_rng(seed), 0.0, 96) for seed in range(30)]
-    longest = max(episodes, key=lambda one: one.n_performed)
-    rows = rows_of(truth, longest.tried, longest.reward)
+    truth, rng = truths[0], np.random.default_rng(0)
+    episode = SimulatedEpisode(truth, lambda pb: pb, np.arange(6))
+    episode.perform_best(20, 2, rng)
+    rows, performed = episode.rows()
+    assert performed.all()
     env = gym.make(ENV, memory="half/0")
     observation, _ = env.reset(seed=0)
-    for place in longest.tried:
-        observation, *_ = env.step(truth.pb[place])
+    earned = []
+    for place in episode.performed:
+        observation, reward, *_ = env.step(truth.pb[place])
+        earned.append(reward)
     seen = observation[12 : 12 + rows.size].reshape(rows.shape)
     np.testing.assert_allclose(rows, seen, atol=2e-3)  # gaps are kept in half precision
+    np.testing.assert_allclose(episode.earned, earned, atol=2e-3)
     env.close()
 
 
 def test_what_was_imagined_is_worth_what_performing_it_would_earn_now(truths):
-    kept = [SimulatedEpisode(truths[0], np.random.default_rng(seed), 1.0, 96) for seed in range(40)]
-    assert any(len(one.tried) > one.n_performed for one in kept)
-    for one in kept:
-        imagined = one.tried[: len(one.tried) - one.n_performed]
-        assert len(one.tried) <= 96
-        assert len(set(imagined)) == len(imagined)
-        assert not set(imagined) & set(one.tried[len(imagined) :])
-        worth = np.where(truths[0].appropriate[imagined], one.known_distance[imagined], 0.0)
-        np.testing.assert_array_equal(one.reward[: len(imagined)], worth)
+    order = np.array([1, 0, 3, 2, 5, 4])
+    for seed in range(10):
+        episode = SimulatedEpisode(truths[0], lambda pb: -pb, order)
+        episode.perform_planned(seed, np.random.default_rng(seed))
+        assert len(episode.performed) == seed
+        assert not set(episode.imagined) & set(episode.performed)
+        rows, performed = episode.rows()
+        assert performed.sum() == seed
+        worth = rows[~performed, 12] / (1.0 - rows[~performed, 12])
+        np.testing.assert_allclose(worth, episode.worth(episode.imagined), rtol=1e-4, atol=1e-6)
+        np.testing.assert_array_equal(rows[~performed, 1:3], -truths[0].pb[episode.imagined])
+        far = truths[0].distances[episode.imagined][:, order]
+        np.testing.assert_allclose(rows[~performed, 13:], far / (far + 1.0), rtol=1e-5)
 
 
-def test_a_batch_is_turned_as_a_whole(truths):
+@pytest.mark.parametrize("n_pb", [1, 2, 4])
+def test_a_warp_maps_the_space_onto_itself_and_keeps_its_corners(n_pb):
+    rng = np.random.default_rng(1)
+    warp, turn = random_warp(n_pb, rng, 0.06), random_warp(n_pb, rng)
+    points = rng.uniform(-1.0, 1.0, (50, n_pb))
+    assert np.abs(warp(points)).max() <= 1.0
+    corners = rng.choice([-1.0, 1.0], (8, n_pb))
+    np.testing.assert_allclose(np.abs(warp(corners)), 1.0, atol=1e-6)
+    lengths = np.linalg.norm(points, axis=1)
+    np.testing.assert_allclose(np.linalg.norm(turn(points), axis=1), lengths, rtol=1e-5)
+
+
+def test_a_batch_shows_episodes_of_all_kinds(truths):
     recipe = SupervisedMap(**plan().hyperparameters.arguments)
-    points, rows, performed, pb, usable, far = make_batch(truths, recipe, np.random.default_rng(0))
-    n = rows.shape[1]
-    assert [tuple(one.shape) for one in (points, rows, performed, pb, usable, far)] == [
-        (4, 6, 2), (4, n, 19), (4, n), (4, 8, 2), (4, 8), (4, 8)
-    ]  # fmt: skip
-    square = turned(4, np.random.default_rng(3))
-    np.testing.assert_array_equal(square @ square.T, np.eye(4))
+    simulator = Simulator(truths, recipe)
+    simulator.own = np.tile(np.arange(31), (3, 1)) % 2
+    seen = set()
+    for seed in range(12):
+        (points, rows, performed), (pb, usable, far, basic) = simulator.batch(np.random.default_rng(seed))
+        b, n = performed.shape
+        shapes = [tuple(one.shape) for one in (points, rows, pb, usable, far, basic)]
+        assert shapes == [(b, 6, 2), (b, n, 19), (b, 8, 2), (b, 8), (b, 8), (b, 8, 6)]
+        assert (performed <= rows[..., 0]).all()
+        seen.add(b)
+    assert seen == {2, 4}  # half as many where what was imagined is shown
     assert learning_rate(recipe, 0, 100) < learning_rate(recipe, 10, 100) > learning_rate(recipe, 99, 100)
 
 
@@ -190,15 +207,13 @@ def test_training_is_decided_by_its_seed_and_resumed_bit_for_bit(truths, trained
         train_map(plan(n_queries=9), truths[:1], truths[1:], checkpoint=checkpoint, resume=True)
 
 
-def test_training_learns(truths):
-    """After some steps the loss is far lower, and greedy play earns more than what was there before."""
-    tables = []
-    for steps in (4, 120):
-        chosen = plan(n_timesteps=steps, learning_rate=0.01)
-        policy, record = train_map(dataclasses.replace(chosen, evaluation_interval=10_000), truths[:1], truths[1:])
-        tables.append(record.evaluations[-1])
-        assert record.evaluations[-1] == judge(policy, truths[1:], (0, 1))
-    assert np.mean(tables[1]) > np.mean(record.evaluations[0])
+def test_training_learns(truths, tmp_path):
+    """The loss falls, and the reward of the weights kept is the one recorded."""
+    chosen = dataclasses.replace(plan(n_timesteps=200, learning_rate=0.01, own_interval=0), evaluation_interval=100)
+    policy, record = train_map(chosen, truths[:1], truths[1:], logs=tmp_path)
+    first, last = ([*map(float, row.split(","))] for row in (tmp_path / "progress.csv").read_text().split()[1:])
+    assert last[1] < first[1] - 0.1
+    assert record.best_mean == np.mean(judge(policy, truths[1:], (0, 1)))
 
 
 def test_a_bundle_predicts_from_the_observation_alone(trained, bundle):
@@ -218,7 +233,6 @@ def test_drawn_actions_follow_the_generator_of_torch(bundle):
     import torch
 
     agent, (seen,) = load_agent(bundle), observations(1)
-    agent.policy.settings = dataclasses.replace(agent.policy.settings, temperature=5.0)
     drawn = []
     for seed in (0, 0, 1, 2, 3):
         torch.manual_seed(seed)
@@ -232,14 +246,14 @@ def test_a_damaged_bundle_is_refused(bundle, tmp_path):
     path = tmp_path / "agent.safetensors"
     name = "head.1.weight"
     for changed, told in (
-        ({name: arrays[name][:2].copy()}, rf"weights `{name}` should be float32 of shape \(3, 8\)"),
+        ({name: arrays[name][:2].copy()}, rf"weights `{name}` should be float32 of shape \(9, 8\)"),
         ({name: arrays[name] * np.float32(np.nan)}, "hold values that are not finite"),
         ({"more": arrays[name]}, "`more` belong to no part of the policy"),
     ):
         save_tensors(path, kind="agent bundle", header=header, tensors={**arrays, **changed})
         with pytest.raises(FileFormatError, match=told):
             load_agent(path)
-    for kwargs, told in (({"width": 9}, "a layer of 9 units"), ({"n_heads": 3}, "`n_heads` should divide `width` 8")):
+    for kwargs, told in (({"width": 10}, "a layer of 10 units"), ({"n_heads": 3}, "`n_heads` should divide `width` 8")):
         settings = {**header["settings"], "policy_kwargs": {**NET, **kwargs}}
         save_tensors(path, kind="agent bundle", header={**header, "settings": settings}, tensors=arrays)
         with pytest.raises(FileFormatError, match=told):
@@ -273,8 +287,7 @@ def test_the_agent_tells_the_network_what_the_observation_holds(bundle):
         seen = env.seen[12 : 12 + 19 * n].reshape(n, 19)
         np.testing.assert_allclose(rows[performed], seen, rtol=1e-6)
         assert not performed[: len(rows) - n].any()
-        worth = [env.unwrapped.n_imagined, step.n_imagined]
-        assert worth == [60, 2 * n]
+        assert len(rows) <= step.n_imagined + n
     env.close()
 
 
@@ -283,19 +296,25 @@ def test_the_agent_refuses_memories_of_another_form(bundle):
         evaluate_agent(make_agent(str(bundle)), ENV, ["half-4pb/10"], [0])
 
 
-def test_points_are_picked_best_first_and_apart():
-    points = np.array([[0.0, 0.0], [0.01, 0.0], [1.0, 0.0], [1.0, 1.0]])
-    values, rng = np.array([3.0, 2.9, 1.0, 0.5]), np.random.default_rng(0)
-    assert pick(values, points, 3, LearnedMapSettings(spacing=0.1), rng).tolist() == [0, 2, 3]
-    assert pick(values, points, 2, LearnedMapSettings(), rng).tolist() == [0, 1]
-    assert sorted(pick(values, points, 4, LearnedMapSettings(spacing=0.1, temperature=1.0), rng)) == [0, 1, 2, 3]
+def test_the_best_candidate_is_refined_and_improvement_is_what_is_expected_beyond_the_best():
+    def ask(pb):
+        return np.full(len(pb), 0.5), 2.0 - np.abs(pb - 0.6).sum(axis=1), np.full(len(pb), 0.1)
+
+    candidates = spread_points(2, 16).astype(np.float32)
+    pb, value = refined(ask, candidates, LearnedMapSettings(16, 25))
+    assert len(pb) == len(value) == 16 + 25
+    assert value.max() > value[:16].max()
+    np.testing.assert_allclose(pb[value.argmax()], [0.6, 0.6], atol=0.17)
+    far, better = (refined(ask, candidates, LearnedMapSettings(16, 0), best)[1] for best in (5.0, 1.0))
+    assert far.max() < 1e-6
+    distance = ask(candidates)[1].max()
+    assert better.max() == pytest.approx(0.5 * (distance - 1.0), rel=0.1)
 
 
 def test_the_hyperparameters_ship_and_name_no_environment():
     found = read_hyperparameters("learned_map", ENV)
     assert check_entry("learned_map", found.as_zoo(), "again") == found
-    SupervisedMap(**found.arguments)
-    LearnedMapAgent.settings_type()
+    assert SupervisedMap(**found.arguments).swapped_actions == (1, 0, 3, 2, 5, 4)
     for entry, told in (
         ({"n_envs": 2}, "`n_envs` is for learning in environments"),
         ({"noise_type": "normal", "noise_std": 0.1}, "`noise_type` is for learning in environments"),
@@ -312,7 +331,7 @@ def test_the_hyperparameters_ship_and_name_no_environment():
 
 @pytest.mark.slow
 def test_memories_are_made_trained_on_and_the_score_replays(tmp_path, capsys):
-    made = ["agent", "memories", "--n-memories", "3", "--n-epochs", "200", "--n-points", "1024"]
+    made = ["agent", "memories", "--n-memories", "3", "--n-epochs", "200", "--n-points", "64"]
     assert main([*made, "--out", str(tmp_path / "a"), "--n-workers", "2"]) == 0
     assert main([*made, "--out", str(tmp_path / "b"), "--n-workers", "1"]) == 0
     for one, other in zip(read_truths(tmp_path / "a"), read_truths(tmp_path / "b"), strict=True):

@@ -2,59 +2,76 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 
 from creative_nao.agents.base import Context
 from creative_nao.agents.black_box import learned_points
+from creative_nao.agents.learned_map.truth import spread_points
 from creative_nao.agents.rehearsal import PlanningAgent
 from creative_nao.envs.observation import try_columns
 from creative_nao.measures import reward_scale
 from creative_nao.measures.outcome import OUTCOME_CODE
-from creative_nao.schema import Count, Field, NonNegative, UnitInterval, record
+from creative_nao.schema import Count, Field, UnitInterval, record
 
 if TYPE_CHECKING:
     from creative_nao.agents.bundle import TrainedPolicy
 
 MAX_ROWS = 400
 """Most tries that the network is shown: of more imagined ones, some evenly over the episode."""
+Ask = Callable[[np.ndarray], tuple[np.ndarray, ...]]
+"""Probability of being appropriate, distance and its spread of PB points, as of `AttentiveMap.expect`."""
 
 
 @record
 class LearnedMapSettings:
     """Where the learned map looks; a bundle holds what was chosen on validation memories."""
 
-    n_candidates: Annotated[int, Field(ge=4, le=65_536)] = 1024
-    """Points at which the map is asked."""
+    n_asked: Annotated[int, Field(ge=4, le=65_536)] = 256
+    """Points spread over the PB space at which the map is asked first."""
+    n_refined: Annotated[int, Field(ge=0, le=65_536)] = 64
+    """Points around the best of them that are asked then."""
     optimism: Annotated[float, Field(ge=-100, le=100)] = 0.0
     """Weight of the spread of the expected distance."""
-    temperature: NonNegative = 0.0
-    """Candidates to imagine are drawn with probability exp(value / temperature); 0 takes the best."""
-    spacing: NonNegative = 0.0
-    """Least distance of points that are chosen together, in PB units; the square is 2 wide."""
-    n_at_once: Count = 16
-    """Movements imagined together, before the map is asked again."""
-    first_share: UnitInterval = 0.0
+    improvement: bool = True
+    """Imagine where most is expected beyond the best movement imagined and not yet performed."""
+    n_rounds: Count = 1
+    """In so many parts the movements of one performance are imagined; before each the map is asked again."""
+    first_share: UnitInterval = 0.25
     """Part of the budget of imagining that is spread evenly before the first movement is performed."""
 
 
-def pick(
-    values: np.ndarray, points: np.ndarray, n: int, settings: LearnedMapSettings, rng: np.random.Generator
-) -> np.ndarray:
-    """Return the places of `n` of the points (m, n_pb) by their values (m,): the best, or drawn, spaced out."""
-    left = values.astype(np.float64)
-    if settings.temperature:
-        left = left / settings.temperature + rng.gumbel(size=len(left))
-    chosen: list[int] = []
-    while len(chosen) < n:
-        place = int(left.argmax())
-        chosen.append(place)
-        near = ((points - points[place]) ** 2).sum(axis=1) < settings.spacing**2
-        left[near] -= 1e9  # all are near: the best of those that were set back fewest times
-        left[place] = -np.inf
-    return np.array(chosen)
+def refined(
+    ask: Ask, candidates: np.ndarray, settings: LearnedMapSettings, best: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return candidates (n, n_pb), more points around the best of them, and the value of all.
+
+    The value is the expected reward; with `best` above 0 it is what is expected beyond it, of a normal distribution.
+    """
+
+    def value(pb: np.ndarray) -> np.ndarray:
+        probability, distance, spread = ask(pb)
+        distance = distance + settings.optimism * spread
+        if best > 0.0:
+            from scipy.special import ndtr
+
+            z = (distance - best) / spread
+            distance = spread * (z * ndtr(z) + np.exp(-(z**2) / 2.0) / np.sqrt(2.0 * np.pi))
+        return probability * distance
+
+    values, n_pb = value(candidates), candidates.shape[1]
+    if not settings.n_refined:
+        return candidates, values
+    gap = cell(len(candidates), n_pb) * spread_points(n_pb, settings.n_refined)
+    around = np.clip(candidates[values.argmax()] + gap, -1.0, 1.0).astype(np.float32)
+    return np.concatenate([candidates, around]), np.concatenate([values, value(around)])
+
+
+def cell(n_points: int, n_pb: int) -> float:
+    """Return the distance of neighbours among points spread over the PB space."""
+    return 2.0 / (n_points ** (1.0 / n_pb) - 1.0)
 
 
 class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
@@ -65,18 +82,18 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
     memories have as many PB units and basic actions as those it was trained on.
 
     Args:
-        policy: A trained map, from `load_agent`.
+        trained: A trained map, from `load_agent`.
         settings: Where it looks; None takes those of the bundle.
     """
 
     name: ClassVar[str] = "learned_map"
+    _map: Any
     settings_type = LearnedMapSettings
 
-    def __init__(self, policy: TrainedPolicy, settings: LearnedMapSettings | None = None):
-        self.policy, self.deterministic = policy, True
-        self._map: Any = policy.policy
+    def __init__(self, trained: TrainedPolicy, settings: LearnedMapSettings | None = None):
+        self.trained, self._map = trained, trained.policy
         super().__init__(self._map.settings if settings is None else settings)
-        self.n_actions_training = policy.header.n_actions_training
+        self.n_actions_training = trained.header.n_actions_training
 
     def start(self, context: Context) -> None:
         """Begin with the learned points."""
@@ -84,6 +101,7 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
         self._map.check_form(self._points)
         self._unit = reward_scale(context.demonstrations)
         self._columns = {part.name: part for part in try_columns(*self._points.shape)}
+        self._candidates = spread_points(self._points.shape[1], self.settings.n_asked)
         self._performed: list[np.ndarray] = []
         self._imagined: dict[bytes, tuple[np.ndarray, int | None]] = {}
         """Rows of movements imagined and not performed, and their places in the pool."""
@@ -95,13 +113,14 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
         return self.where(1)[0]
 
     def where(self, n: int) -> np.ndarray:
-        """Return the points to look at next, shape (n, n_pb)."""
-        space, rng = self.context.action_space, self.context.rng
-        points = self._map.candidates
-        within = rng.uniform(-0.5, 0.5, points.shape) * self._map.candidate_gap
-        points = np.clip(points + within, space.low, space.high).astype(np.float32)
-        values = self._map.expected_reward(self._points, *self.rows(), points, self.settings.optimism)
-        return points[pick(values, points, n, self.settings, rng)].astype(np.float64)
+        """Return the `n` best of points shifted at random within their cells, best first, shape (n, n_pb)."""
+        n_pb, rng = self._points.shape[1], self.context.rng
+        spread = self._candidates if n <= len(self._candidates) else spread_points(n_pb, 2 * n)
+        shift = cell(len(spread), n_pb) * rng.uniform(-0.5, 0.5, spread.shape)
+        best = float(self._distances.max(initial=0.0)) / self._unit if self.settings.improvement else 0.0
+        candidates = np.clip(spread + shift, -1.0, 1.0).astype(np.float32)
+        pb, values = refined(self._map.expect(self._points, *self.rows()), candidates, self.settings, best)
+        return pb[np.argsort(-values, kind="stable")[:n]].astype(np.float64)
 
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
         """Return all tries as rows of the -v1 observation, (n, width), and whether each was performed, (n,).
@@ -109,10 +128,10 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
         Those performed stand last, in the order of time. The reward of one that was imagined is what it is worth now.
         """
         n_kept = min(len(self._imagined), max(MAX_ROWS - len(self._performed), 0))
-        kept = np.linspace(0, len(self._imagined) - 1, n_kept).round().astype(np.int64)
         imagined = [*self._imagined.values()]
         rows = []
-        for row, place in (imagined[one] for one in kept):
+        for one in np.linspace(0, len(imagined) - 1, n_kept).round().astype(np.int64):
+            row, place = imagined[one]
             if place is not None:
                 row[self._columns["reward"].start] = _bounded(max(self._distances[place], 0.0) / self._unit)
             rows.append(row)

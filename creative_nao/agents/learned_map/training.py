@@ -6,6 +6,7 @@ moments only and a resumed training has the same bits.
 
 from __future__ import annotations
 
+import copy
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -17,6 +18,15 @@ from gymnasium.spaces import Box
 from torch import Tensor, nn
 
 from creative_nao.agents.callbacks import ProgressTable, write_record
+from creative_nao.agents.learned_map.episodes import (
+    CANDIDATES,
+    N_ACTIONS,
+    SimulatedEpisode,
+    asked,
+    play_greedily,
+    random_warp,
+    shown,
+)
 from creative_nao.agents.learned_map.network import LOG_SPREAD, AttentiveMap
 from creative_nao.agents.learned_map.truth import MemoryTruth, refuse_test_memories
 from creative_nao.agents.resume import (
@@ -33,14 +43,13 @@ from creative_nao.agents.training import TrainingPlan
 from creative_nao.arrays import take
 from creative_nao.envs.observation import layout, observation_space, try_columns
 from creative_nao.errors import FileFormatError, SettingsError
-from creative_nao.measures.outcome import ALL_OUTCOMES
-from creative_nao.schema import Count, Field, NonNegative, Positive, UnitInterval, record
+from creative_nao.schema import Count, Field, Index, NonNegative, Positive, UnitInterval, record
 
-N_ACTIONS = 30
-"""Movements performed in a simulated episode, at most."""
-CANDIDATES = (1, 1, 2, 4, 8, 16, 64)
-"""How many movements a simulated episode looks at for each one performed: one of these is drawn."""
-LOSSES = ("loss", "appropriate", "distance")
+LOSSES = ("loss", "appropriate", "distance", "basic_distances")
+N_OWN, OWN_ASKED, OWN_NOISE = 480, 96, 0.02
+"""Episodes played by the map itself that are kept; points asked for each movement, and the noise on their values."""
+N_IMAGINED = (24, 48, 96, 192)
+"""Most imagined movements shown in the episodes of a step: one of these is drawn."""
 
 
 @record
@@ -55,120 +64,89 @@ class SupervisedMap:
     """Share of the steps in which it rises."""
     weight_decay: NonNegative = 0.01
     """Of AdamW."""
+    beta_2: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.98
+    """Decay of the second moments of AdamW."""
     max_grad_norm: Positive = 1.0
     """Largest norm of the gradient of a step."""
     batch_size: Count = 32
-    """Simulated episodes of a step."""
+    """Simulated episodes of a step; half as many where what was imagined is shown."""
     n_queries: Count = 128
     """PB points asked in each."""
-    imagined_share: UnitInterval = 0.3
-    """Share of the episodes in which what was imagined is shown to the network too."""
-    n_rows: Annotated[int, Field(ge=N_ACTIONS)] = 96
-    """Most tries shown in training."""
+    imagined_share: UnitInterval = 0.4
+    """Share of the steps in which what was imagined is shown to the network too."""
+    warp: NonNegative = 0.06
+    """Strength of the random warps of the PB space: each is drawn between 0 and 1.5 times this."""
+    swapped_actions: tuple[Index, ...] = ()
+    """The basic actions in an order that hardly changes the distances between them, such as left and right swapped; so
+    they stand in half of the episodes. Empty: in none."""
+    basic_weight: NonNegative = 0.5
+    """Weight of the error of the distances to the basic actions."""
+    own_interval: Index = 300
+    """Steps from one set of episodes that the map plays itself to the next; 0: it plays none."""
+    own_size: Count = 48
+    """Episodes of such a set."""
+    averaging: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.995
+    """Decay of the moving average of the weights, which is what is judged and kept."""
 
 
-class SimulatedEpisode:
-    """An episode over the truth of a memory, up to a movement drawn: what was tried, and what every point earns now.
+def losses(told: Tensor, usable: Tensor, far: Tensor, basic: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Return the losses of what the network tells (b, q, 3 + n_basic): means over all points asked.
 
-    Args:
-        truth: The memory.
-        rng: Draws the behaviour: how many movements are performed, and the best of how many each of them is.
-        imagined_share: Probability that what is imagined is kept, so that the best of all is performed.
-        n_rows: Most tries kept.
-
-    Attributes:
-        tried: Places of the points tried: those imagined only, then those performed in the order of time.
-        n_performed: How many of them were performed.
-        reward: What each earned, or is worth now where it was imagined only, (n_tried,).
-        known_distance: Distance of every point to the nearest movement known now, (n,), float32.
-    """
-
-    def __init__(self, truth: MemoryTruth, rng: np.random.Generator, imagined_share: float, n_rows: int) -> None:
-        n, usable = len(truth.pb), truth.appropriate
-        self.truth, self.known_distance = truth, truth.distances.min(axis=1)
-        self.n_performed = int(rng.integers(N_ACTIONS))
-        k, keeps = int(rng.choice(CANDIDATES)), bool(rng.random() < imagined_share)
-        performed, earned = [], []
-        pool = np.empty(0, np.int64)
-        for _ in range(self.n_performed):
-            pool = np.concatenate([pool, rng.integers(n, size=k)]) if keeps else rng.integers(n, size=k)
-            best = int(pool[np.where(usable[pool], self.known_distance[pool], -1.0).argmax()])
-            performed.append(best)
-            earned.append(self.perform(best))
-            pool = pool[pool != best]
-        if keeps:
-            pool = np.unique(np.concatenate([pool, rng.integers(n, size=int(rng.integers(k + 1)))]))
-            pool = rng.permutation(pool[~np.isin(pool, performed)])[: n_rows - self.n_performed]
-        else:
-            pool = pool[:0]
-        self.tried = np.concatenate([pool, np.array(performed, np.int64)])
-        self.reward = np.concatenate([np.where(usable[pool], self.known_distance[pool], 0.0), earned])
-
-    def perform(self, place: int) -> float:
-        """Perform the movement of a point and return what it earns."""
-        if not self.truth.appropriate[place]:
-            return 0.0
-        reward = float(self.known_distance[place])
-        self.known_distance = np.minimum(self.known_distance, self.truth.gaps[place])
-        return reward
-
-
-def rows_of(truth: MemoryTruth, tried: np.ndarray, reward: np.ndarray) -> np.ndarray:
-    """Return tries as rows of the -v1 observation, (n_tried, width), float32."""
-    told = truth.distances[tried]
-    outcome = np.eye(len(ALL_OUTCOMES), dtype=np.float32)[truth.outcome[tried]]
-    columns = (
-        np.ones((len(tried), 1)),
-        truth.pb[tried],
-        outcome,
-        (reward / (reward + 1.0))[:, None],
-        told / (told + 1.0),
-    )
-    return np.concatenate(columns, axis=1, dtype=np.float32)
-
-
-def turned(n_pb: int, rng: np.random.Generator) -> np.ndarray:
-    """Draw a symmetry of the PB space, which flips and swaps its axes: a matrix (n_pb, n_pb), float32."""
-    return (np.eye(n_pb, dtype=np.float32) * rng.choice([-1.0, 1.0], n_pb).astype(np.float32))[rng.permutation(n_pb)]
-
-
-def make_batch(truths: Sequence[MemoryTruth], recipe: SupervisedMap, rng: np.random.Generator) -> list[Tensor]:
-    """Return a batch of b simulated episodes.
-
-    Returns:
-        Learned points (b, n_basic, n_pb), rows (b, n, width), whether performed (b, n), points asked (b, q, n_pb);
-        and the truth there: whether appropriate (b, q), and the distance to everything known then (b, q).
-    """
-    parts: list[list[np.ndarray]] = [[] for _ in range(6)]
-    n_pb, n_basic = truths[0].form
-    width = try_columns(n_basic, n_pb)[-1].stop
-    for _ in range(recipe.batch_size):
-        truth = truths[rng.integers(len(truths))]
-        episode = SimulatedEpisode(truth, rng, recipe.imagined_share, recipe.n_rows)
-        turn, asked = turned(n_pb, rng), rng.integers(len(truth.pb), size=recipe.n_queries)
-        rows, performed = np.zeros((recipe.n_rows, width), np.float32), np.zeros(recipe.n_rows, np.float32)
-        n = len(episode.tried)
-        rows[:n] = rows_of(truth, episode.tried, episode.reward)
-        rows[:n, 1 : 1 + n_pb] = rows[:n, 1 : 1 + n_pb] @ turn.T
-        performed[n - episode.n_performed : n] = 1.0
-        usable, far = truth.appropriate[asked].astype(np.float32), episode.known_distance[asked]
-        values = (truth.learned_pb @ turn.T, rows, performed, truth.pb[asked] @ turn.T, usable, far)
-        for part, value in zip(parts, values, strict=True):
-            part.append(value)
-    points, rows, performed, pb, usable, far = (np.stack(part).astype(np.float32) for part in parts)
-    longest = max(int((rows[..., 0] > 0.0).sum(axis=1).max()), 1)
-    return [torch.from_numpy(one) for one in (points, rows[:, :longest], performed[:, :longest], pb, usable, far)]
-
-
-def losses(told: Tensor, usable: Tensor, far: Tensor) -> tuple[Tensor, Tensor]:
-    """Return both losses of what the network tells (b, q, 3): of being appropriate, and of the distance where it is.
-
-    The first is the cross-entropy of the probability p, the second the negative log-likelihood of a normal
-    distribution N(mu, s) of the distance, up to a constant: (d - mu)^2 / (2 s^2) + log s.
+    The cross-entropy of the probability of being appropriate; where a point is, the negative log-likelihood of a normal
+    distribution N(m, s) of the distance d to everything known, up to a constant: (d - m)^2 / (2 s^2) + log s; and there
+    the mean squared error of the distances to the basic actions.
     """
     log_spread = told[..., 2].clamp(*LOG_SPREAD)
     likelihood = (told[..., 1] - far) ** 2 * torch.exp(-2.0 * log_spread) / 2.0 + log_spread
-    return nn.functional.binary_cross_entropy_with_logits(told[..., 0], usable), (usable * likelihood).mean()
+    cross_entropy = nn.functional.binary_cross_entropy_with_logits(told[..., 0], usable)
+    return cross_entropy, (usable * likelihood).mean(), (usable * ((told[..., 3:] - basic) ** 2).mean(-1)).mean()
+
+
+class Simulator:
+    """Draws simulated episodes: of random behaviour, of planners, and of the map itself.
+
+    Attributes:
+        own: Episodes of the map: place of the memory and of the points performed, (n, 1 + N_ACTIONS).
+    """
+
+    def __init__(self, truths: Sequence[MemoryTruth], recipe: SupervisedMap) -> None:
+        self.truths, self.recipe = truths, recipe
+        self.own = np.empty((0, 1 + N_ACTIONS), np.int64)
+
+    def begin(self, place: int, rng: np.random.Generator) -> SimulatedEpisode:
+        """Return an episode in a memory, with a warp and an order of the actions of its own."""
+        n_pb, n_basic = self.truths[place].form
+        swapped = self.recipe.swapped_actions if rng.random() < 0.5 else ()
+        warp = random_warp(n_pb, rng, 1.5 * self.recipe.warp * rng.random())
+        return SimulatedEpisode(self.truths[place], warp, np.array(swapped or range(n_basic)))
+
+    def batch(self, rng: np.random.Generator) -> tuple[list[Tensor], list[Tensor]]:
+        """Return what is shown in a batch of episodes, and what is asked, with the truth: `shown`, `asked`."""
+        recipe, imagines = self.recipe, bool(rng.random() < self.recipe.imagined_share)
+        most, episodes = int(rng.choice(N_IMAGINED)), []
+        for _ in range(max(recipe.batch_size // 2, 1) if imagines else recipe.batch_size):
+            place, n = int(rng.integers(len(self.truths))), int(rng.integers(N_ACTIONS))
+            again = None
+            if not imagines and len(self.own) and rng.random() < 0.5:
+                place, *again = self.own[rng.integers(len(self.own))].tolist()
+            episode = self.begin(place, rng)
+            if imagines:
+                episode.perform_planned(n, rng)
+                episode.imagined = rng.permutation(episode.imagined)[:most]
+            elif again is None:
+                episode.perform_best(n, int(rng.choice(CANDIDATES)), rng)
+            for one in (again or [])[:n]:
+                episode.perform(one)
+            episodes.append(episode)
+        return shown(episodes), asked(episodes, recipe.n_queries, rng)
+
+    def play(self, policy: AttentiveMap, rng: np.random.Generator) -> None:
+        """Let the map play episodes and keep them."""
+        places = rng.integers(len(self.truths), size=self.recipe.own_size)
+        episodes = [self.begin(place, rng) for place in places]
+        play_greedily(policy, episodes, rng, OWN_ASKED, float(rng.choice([0.0, 0.5])), OWN_NOISE)
+        new = np.concatenate([places[:, None], [one.performed for one in episodes]], axis=1)
+        self.own = np.concatenate([self.own, new])[-N_OWN:]
 
 
 def judge(policy: AttentiveMap, truths: Sequence[MemoryTruth], seeds: Sequence[int]) -> tuple[float, ...]:
@@ -177,26 +155,13 @@ def judge(policy: AttentiveMap, truths: Sequence[MemoryTruth], seeds: Sequence[i
     A seed decides how the axes of the PB space are flipped and swapped; to the memory that makes no difference.
     """
     found = []
-    with torch.inference_mode():
-        for truth in truths:
-            for seed in seeds:
-                found.append(_greedy_reward(policy, truth, turned(truth.form[0], np.random.default_rng(seed))))
+    for truth in truths:
+        n_pb, n_basic = truth.form
+        warps = [random_warp(n_pb, np.random.default_rng(seed)) for seed in seeds]
+        episodes = [SimulatedEpisode(truth, warp, np.arange(n_basic)) for warp in warps]
+        play_greedily(policy, episodes, np.random.default_rng(0), optimism=policy.settings.optimism)
+        found += [float(sum(one.earned)) for one in episodes]
     return tuple(found)
-
-
-def _greedy_reward(policy: AttentiveMap, truth: MemoryTruth, turn: np.ndarray) -> float:
-    pb, learned = truth.pb @ turn.T, truth.learned_pb @ turn.T
-    known, earned, tried = truth.distances.min(axis=1), [], np.empty(0, np.int64)
-    for _ in range(N_ACTIONS):
-        rows = rows_of(truth, tried, np.array(earned))
-        rows[:, 1 : 1 + pb.shape[1]] = pb[tried]
-        values = policy.expected_reward(learned, rows, np.ones(len(rows)), pb, policy.settings.optimism)
-        values[tried] = -np.inf
-        best = int(values.argmax())
-        earned.append(float(known[best]) if truth.appropriate[best] else 0.0)
-        known = np.minimum(known, truth.gaps[best]) if truth.appropriate[best] else known
-        tried = np.append(tried, best)
-    return sum(earned)
 
 
 def learning_rate(recipe: SupervisedMap, step: int, n_steps: int) -> float:
@@ -244,27 +209,32 @@ def train_map(
     recipe = SupervisedMap(**chosen.arguments)
     torch.set_num_threads(1)  # so that sums are made in the same order everywhere
     torch.manual_seed(plan.seed)
-    policy = untrained_map(truths[0].form, chosen)
-    optimiser = torch.optim.AdamW(policy.parameters(), recipe.learning_rate, weight_decay=recipe.weight_decay)
+    policy = untrained_map(truths[0], chosen, recipe)
+    policy.basic_gaps.copy_(torch.from_numpy(truths[0].basic_gaps))
+    average, simulator = copy.deepcopy(policy), Simulator(truths, recipe)
+    optimiser = torch.optim.AdamW(
+        policy.parameters(), recipe.learning_rate, betas=(0.9, recipe.beta_2), weight_decay=recipe.weight_decay
+    )
     result, n_steps, done = TrainingRecord(), -(-chosen.n_timesteps // recipe.batch_size), 0
     seen: list[list[float]] = []
     if resume and checkpoint is not None and checkpoint.is_file():
         result, state = load_checkpoint(checkpoint, told)
-        done = _restore(policy, optimiser, result, state, checkpoint, n_steps)
+        parts = {"weights": policy, "average": average, "optimiser": optimiser}
+        done = _restore(parts, simulator, result, state, checkpoint, n_steps)
         seen = take(checkpoint, state.arrays, "seen", (None, len(LOSSES))).tolist()
     table = None if logs is None else ProgressTable(logs / "progress.csv", done * recipe.batch_size)
 
     def save() -> None:
         if checkpoint is not None:
-            arrays = {"seen": np.array(seen, np.float64).reshape(-1, len(LOSSES))}
-            values: dict[str, Any] = {"step": done, "weights": pack(policy.state_dict(), "weights", arrays)}
-            values["optimiser"] = pack(optimiser.state_dict(), "optimiser", arrays)
+            arrays = {"seen": np.array(seen, np.float64).reshape(-1, len(LOSSES)), "own": simulator.own}
+            values: dict[str, Any] = {"step": done}
+            for name, part in {"weights": policy, "average": average, "optimiser": optimiser}.items():
+                values[name] = pack(part.state_dict(), name, arrays)
             save_checkpoint(checkpoint, told, result, ResumeState(values, arrays))
 
     def evaluate() -> None:
-        policy.set_training_mode(False)
-        weights = {name: tensor.numpy().copy() for name, tensor in policy.state_dict().items()}
-        result.evaluated(done * recipe.batch_size, judge(policy, judged, plan.judged_seeds), weights)
+        weights = {name: tensor.numpy().copy() for name, tensor in average.state_dict().items()}
+        result.evaluated(done * recipe.batch_size, judge(average, judged, plan.judged_seeds), weights)
 
     def due(interval: int) -> bool:
         return done * recipe.batch_size // interval > (done - 1) * recipe.batch_size // interval
@@ -275,20 +245,27 @@ def train_map(
         if stop is not None and stop.is_set():
             save()
             raise KeyboardInterrupt
-        policy.set_training_mode(True)
         rng = np.random.default_rng([plan.seed, done])
         torch.manual_seed(int(rng.integers(2**62)))  # of dropout
-        *known, usable, far = make_batch(truths, recipe, rng)
-        parts = losses(policy(*known), usable, far)
-        loss = parts[0] + parts[1]
+        if recipe.own_interval and done and done % recipe.own_interval == 0:
+            policy.set_training_mode(False)
+            simulator.play(policy, rng)
+        policy.set_training_mode(True)
+        known, (queries, *truth) = simulator.batch(rng)
+        terms = losses(policy(*known, queries), *truth)
+        loss = terms[0] + terms[1] + recipe.basic_weight * terms[2]
         for group in optimiser.param_groups:
             group["lr"] = learning_rate(recipe, done, n_steps)
         optimiser.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(policy.parameters(), recipe.max_grad_norm)
         optimiser.step()
-        seen.append([loss.item(), *(part.item() for part in parts)])
+        seen.append([loss.item(), *(term.item() for term in terms)])
         done += 1
+        kept = min(recipe.averaging, done / (done + 50.0))
+        with torch.no_grad():
+            for one, new in zip(average.parameters(), policy.parameters(), strict=True):
+                one.mul_(kept).add_(new, alpha=1.0 - kept)
         if due(plan.evaluation_interval) or done == n_steps:
             evaluate()
             if table is not None:
@@ -306,17 +283,18 @@ def train_map(
     return policy, result
 
 
-def untrained_map(form: tuple[int, int], chosen: Hyperparameters) -> AttentiveMap:
-    """Return a map with first weights, for memories with `form` = PB units and basic actions."""
-    n_pb, n_basic = form
+def untrained_map(truth: MemoryTruth, chosen: Hyperparameters, recipe: SupervisedMap) -> AttentiveMap:
+    """Return a map with first weights, for memories of the form of this one."""
+    n_pb, n_basic = truth.form
     columns = try_columns(n_basic, n_pb)
     observed = observation_space(layout(n_basic, n_pb, n_rows=N_ACTIONS), columns)
-    policy = SupervisedMap.policy_aliases[chosen.policy](
+    if sorted(recipe.swapped_actions) not in ([], [*range(n_basic)]):
+        raise SettingsError(
+            f"`swapped_actions` should be an order of {n_basic} actions, but is {recipe.swapped_actions}"
+        )
+    return SupervisedMap.policy_aliases[chosen.policy](
         observed, Box(-1.0, 1.0, (n_pb,), np.float32), **chosen.sb3_policy_kwargs()
     )
-    if policy.n_basic != n_basic:
-        raise SettingsError(f"`n_basic` should be {n_basic}, as these memories have, but is {policy.n_basic}")
-    return policy
 
 
 def _check(truths: Sequence[MemoryTruth], judged: Sequence[MemoryTruth]) -> None:
@@ -335,16 +313,22 @@ def _check(truths: Sequence[MemoryTruth], judged: Sequence[MemoryTruth]) -> None
 
 
 def _restore(
-    policy: AttentiveMap, optimiser: Any, result: TrainingRecord, state: ResumeState, path: Path, n_steps: int
+    parts: dict[str, Any], simulator: Simulator, result: TrainingRecord, state: ResumeState, path: Path, n_steps: int
 ) -> int:
     """Put a training into the state of a checkpoint and return the steps done."""
     try:
-        policy.load_state_dict(unpack(state.values["weights"], state.arrays))
-        optimiser.load_state_dict(unpack(state.values["optimiser"], state.arrays))
-        check_weights(result.best_weights, policy)
-        done = state.values["step"]
+        for name, part in parts.items():
+            part.load_state_dict(unpack(state.values[name], state.arrays))
+        check_weights(result.best_weights, parts["average"])
+        own = take(path, state.arrays, "own", (None, 1 + N_ACTIONS), np.int64, kinds="i", least=0)
+        n_points = min(len(truth.pb) for truth in simulator.truths)
+        if len(own) and (own[:, 0].max() >= len(simulator.truths) or own[:, 1:].max() >= n_points):
+            raise ValueError("`own` names memories or points that are not there")
+        simulator.own, done = own, state.values["step"]
         if type(done) is not int or not 0 <= done <= n_steps:
             raise ValueError(f"`step` should be from 0 to {n_steps}, but is {done!r:.40}")
     except (KeyError, ValueError, TypeError, RuntimeError, IndexError, AttributeError) as error:
+        if isinstance(error, FileFormatError):
+            raise
         raise FileFormatError(f"{path}: the state does not fit this training: {error}") from error
     return done

@@ -21,6 +21,7 @@ from creative_nao.schema import LongText, Version1, parse, record
 
 KIND = "memory truth"
 ENDING = ".truth.safetensors"
+_ARRAYS = ("pb", "outcome", "distances", "gaps", "learned_pb", "basic_gaps")
 N_POINTS = 1024
 MAX_DISTANCE = 1e4
 """In units of the reward; half precision ends at 65,504."""
@@ -43,6 +44,7 @@ class MemoryTruth:
         distances: To every basic action, shape (n, n_basic), float32.
         gaps: Between what the points generate, shape (n, n), float16, symmetric.
         learned_pb: The learned PB points, shape (n_basic, n_pb), float32.
+        basic_gaps: Distances between the basic actions, shape (n_basic, n_basic), float32.
     """
 
     name: str
@@ -51,6 +53,7 @@ class MemoryTruth:
     distances: np.ndarray
     gaps: np.ndarray
     learned_pb: np.ndarray
+    basic_gaps: np.ndarray
 
     @functools.cached_property
     def appropriate(self) -> np.ndarray:
@@ -64,7 +67,7 @@ class MemoryTruth:
 
     def save(self, path: Path) -> Path:
         """Write it to a file in one step and return its path."""
-        arrays = {name: getattr(self, name) for name in ("pb", "outcome", "distances", "gaps", "learned_pb")}
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
         return save_tensors(path, kind=KIND, header={"format_version": 1, "name": self.name}, tensors=arrays)
 
     @classmethod
@@ -76,7 +79,7 @@ class MemoryTruth:
         learned = take(path, arrays, "learned_pb", (None, pb.shape[1]), np.float32, least=-1.0, most=1.0)
         n = len(pb)
         far: dict[str, Any] = {"least": 0.0, "most": MAX_DISTANCE}
-        only_arrays(path, arrays, ("pb", "outcome", "distances", "gaps", "learned_pb"))
+        only_arrays(path, arrays, _ARRAYS)
         return cls(
             header.name,
             pb,
@@ -84,6 +87,7 @@ class MemoryTruth:
             take(path, arrays, "distances", (n, len(learned)), np.float32, **far),
             take(path, arrays, "gaps", (n, n), np.float16, **far),
             learned,
+            take(path, arrays, "basic_gaps", (len(learned), len(learned)), np.float32, **far),
         )
 
 
@@ -112,6 +116,7 @@ def memory_truth(memory: Memory, name: str = "", n_points: int = N_POINTS) -> Me
         distances=(scored.distances / unit).astype(np.float32),
         gaps=(dtw_matrix(trajectories, dtype=np.float32) / unit).astype(np.float16),
         learned_pb=memory.pb.astype(np.float32),
+        basic_gaps=(dtw_matrix(basic.trajectories) / unit).astype(np.float32),
     )
 
 
