@@ -75,6 +75,7 @@ class Context:
         imagination: Imagines movements and counts them; None where none may be imagined.
         points: The learned PB points of the basic actions, (n_basic, n_pb), in (-1, 1); None on the track `outcomes`.
         demonstrations: The basic actions themselves; None on `outcomes` and `points`.
+        physics: Whether the robot performs each movement in physics, where its body may refuse it.
     """
 
     action_space: Box
@@ -87,6 +88,7 @@ class Context:
     demonstrations: Any = None
     track: Track = Track.MAP
     n_decisions: int = 1
+    physics: bool = False
 
     @property
     def n_imagined_left(self) -> int:

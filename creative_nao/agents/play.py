@@ -161,7 +161,8 @@ def play_episode(
     imagination = Imagination(_imaginer(env), int(getattr(inner, "n_imagined", 0)))
     spaces = env.action_space, env.observation_space
     memory = getattr(inner, "memory", None)
-    agent.begin(Context(*spaces, n_steps, rng, memory, imagination, n_decisions=n_decisions))
+    physics = bool(getattr(inner, "physics", False))
+    agent.begin(Context(*spaces, n_steps, rng, memory, imagination, n_decisions=n_decisions, physics=physics))
     n_movements, ended = 0, False
     while not ended and n_movements != n_actions:
         pb = agent.ask(observation)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 
 from creative_nao.agents.base import Agent, Context, MovementAgent, check_kind
 from creative_nao.agents.black_box import RandomAgent, sobol_points, uniform_points
+from creative_nao.agents.body_sense import shipped_sense
 from creative_nao.envs import Track
 from creative_nao.errors import SettingsError
 from creative_nao.measures import dtw_matrix
+from creative_nao.measures.outcome import PHYSICAL_FAULTS
 from creative_nao.schema import Count, Field, Index, Positive, UnitInterval, checked, record
 
 S = TypeVar("S")
@@ -105,13 +107,30 @@ class ImagineWithBodyAgent(ImagineAgent):
         super().__init__(RehearsalSettings(n_candidates=16, n_with_body=8) if settings is None else settings, name=name)
 
 
+@record
+class BodySettings:
+    """How a planning agent heeds the body, where the robot performs in physics."""
+
+    use: Literal["none", "sense", "simulate", "both"] = "none"
+    """`sense`: weigh each movement by the probability that the body accepts it (`BodySense`); `simulate`: imagine the
+    best with the body, one after another until it accepts one."""
+    n_simulated: Count = 8
+    """Most movements that are imagined with the body before each one performed: they count as imagined, and cost a
+    simulation of the physics each."""
+    refused_scale: Positive = 10.0
+    """Distance [rad] from a refused movement at which the probability that another is accepted has 63 % left."""
+
+
 class PlanningAgent(MovementAgent[S]):
     """Keeps every movement that it imagines and performs the one farthest from what is known by then.
 
     A subclass says where to imagine in `where`, and what to perform without imagining in `untried`. Its settings tell
     `first_share`, the part of the budget that is imagined before the first movement, evenly spread (Sobol); the rest is
-    imagined in equal parts before each movement.
+    imagined in equal parts before each movement, and, with `n_rounds` in its settings, each part in so many rounds.
+    Where the robot performs in physics, `body` tells how the agent heeds what the body may refuse.
     """
+
+    body: BodySettings = BodySettings()
 
     learns_within_episode: ClassVar[bool] = True
     imagines: ClassVar[bool] = True
@@ -123,13 +142,31 @@ class PlanningAgent(MovementAgent[S]):
         settings: Any = self.settings
         self._known = list(context.demonstrations.trajectories)
         self._n_left = context.n_actions // context.n_decisions
+        use = self.body.use if context.physics else "none"
+        self._sense = shipped_sense() if use in ("sense", "both") else None
+        self._n_simulated = self.body.n_simulated if use in ("simulate", "both") else 0
+        self._heeds_body = use != "none"
+        self._refused: list[np.ndarray] = []
         self._pool_pb: list[np.ndarray] = []
         self._pool: list[np.ndarray] = []
-        self._distances = np.empty(0)
+        self._distances = self._accepted = np.empty(0)
         n_first = round(settings.first_share * context.n_imagined_left)
         self._spread = iter(sobol_points(context, max(n_first, self._n_left)))
         if n_first:
             self.imagine(np.array([next(self._spread) for _ in range(n_first)]))
+
+    def accepted(self, moves: Sequence[np.ndarray]) -> np.ndarray:
+        """Return how likely the body accepts movements (n, n_steps, n_joints), (n,); 1 where it takes no part."""
+        chance = np.ones(len(moves))
+        if self._sense is not None:
+            chance *= 1.0 - self._sense.refusal(np.asarray(moves), self.context.demonstrations.dt_s)
+        return chance * self._unlike(moves, self._refused)
+
+    def _unlike(self, moves: Sequence[np.ndarray], refused: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the factor by which refused movements make similar ones (n, n_steps, n_joints) less likely, (n,)."""
+        if not len(refused) or not len(moves):
+            return np.ones(len(moves))
+        return -np.expm1(-(dtw_matrix(moves, refused) + 1e-9) / self.body.refused_scale).prod(axis=1)
 
     def imagine(self, points: np.ndarray) -> None:
         """Imagine movements, shape (n, n_pb), and keep those that are appropriate."""
@@ -142,20 +179,38 @@ class PlanningAgent(MovementAgent[S]):
             self._pool_pb += [pb for pb, _ in kept]
             self._pool += moves
             self._distances = np.concatenate([self._distances, dtw_matrix(moves, self._known).min(axis=1)])
+            self._accepted = np.concatenate([self._accepted, self.accepted(moves)])
+
+    def best(self) -> int | None:
+        """Return the place of the movement kept that is worth most, None if none is left."""
+        worth = self._distances * self._accepted
+        place = int(worth.argmax()) if len(worth) else 0
+        return place if len(worth) and np.isfinite(worth[place]) and worth[place] >= 0.0 else None
 
     def next_pb(self) -> np.ndarray:
-        """Imagine a part of the budget, and return the PB vector of the movement farthest from all known ones."""
+        """Imagine a part of the budget, and return the PB vector of the movement that is worth most."""
         self._is_imagined = False
         n = self.context.n_imagined_left // self._n_left
+        n_simulated = min(self._n_simulated, max(n - 1, 0))
+        n -= n_simulated
         n_at_once = max(-(-n // getattr(self.settings, "n_rounds", 1)), 1)
         for done in range(0, n, n_at_once):
             self.imagine(self.where(min(n_at_once, n - done)))
-        if not len(self._distances) or not np.isfinite(best := self._distances.max()) or best < 0.0:
-            return self.untried()
-        place = int(self._distances.argmax())
-        self._distances[place] = -np.inf  # performed once
-        self._is_imagined = True
-        return self._pool_pb[place]
+        for n_left in range(n_simulated, -1, -1):
+            if (place := self.best()) is None:
+                break
+            self._distances[place] = -np.inf  # performed once, or refused
+            pb = self._pool_pb[place]
+            if not n_left or self.context.imagine(pb, with_body=True)[0]["appropriate"]:
+                self._is_imagined = True
+                return pb
+            self.refuse(self._pool[place])
+        return self.untried()
+
+    def refuse(self, move: np.ndarray) -> None:
+        """Take in that the body has refused a movement (n_steps, n_joints): similar ones are less likely to succeed."""
+        self._refused.append(move)
+        self._accepted = self._accepted * self._unlike(self._pool, [move])
 
     def learn(self, pb: np.ndarray, observation: np.ndarray, reward: float, info: Mapping[str, Any]) -> None:
         """Take in a movement that has ended: an appropriate one is known from now on."""
@@ -169,6 +224,8 @@ class PlanningAgent(MovementAgent[S]):
             self._known.append(np.asarray(info["trajectory"]))
             if self._pool:
                 self._distances = np.minimum(self._distances, dtw_matrix(self._pool, self._known[-1:])[:, 0])
+        elif self._heeds_body and info["outcome"] in PHYSICAL_FAULTS:
+            self.refuse(np.asarray(info["commanded"]))
 
     @abstractmethod
     def where(self, n: int) -> np.ndarray:
@@ -206,10 +263,24 @@ class PlanAgent(PlanningAgent[PlanSettings]):
         space = self.context.action_space
         if not self._pool:
             return uniform_points(self.context, n)
-        best = self._pool_pb[int(self._distances.argmax())]
+        best = self._pool_pb[int((self._distances * self._accepted).argmax())]
         return np.clip(
             best + self.context.rng.normal(0.0, self.settings.sigma, (n, *space.shape)), space.low, space.high
         )
+
+
+class PlanWithSenseAgent(PlanAgent):
+    """Plans, and weighs each movement by the learned probability that the body accepts it (`BodySense`)."""
+
+    name: ClassVar[str] = "plan_with_sense"
+    body = BodySettings("sense")
+
+
+class PlanWithBodyAgent(PlanAgent):
+    """Plans with the body sense, imagines the best movements with the body too, and performs the first it accepts."""
+
+    name: ClassVar[str] = "plan_with_body"
+    body = BodySettings("both")
 
 
 def rehearse(agent: Agent, n_candidates: int) -> Agent:

@@ -64,13 +64,8 @@ class TrainingPlan:
     """Decisions from one checkpoint to the next."""
 
     def __post_init__(self) -> None:
-        tested = {name for name in shipped_memories(None) if split_of(name).startswith("test")}
         for name in ("memory", "judged_memory"):
-            if tested & set(memories_of(getattr(self, name))):
-                raise SettingsError(
-                    f"`{name}` should not be of the test part of the bank, but is `{getattr(self, name)}`: "
-                    "agents are judged on those memories, and no training may see them"
-                )
+            refuse_test_memories(getattr(self, name), f"`{name}`")
 
     def as_json(self) -> dict[str, Any]:
         """Return it as plain values; two plans with equal ones train equal agents."""
@@ -146,6 +141,16 @@ class TrainingCurve:
     """Actions generated so far, over all copies, when the episode ended."""
     reward: tuple[float, ...]
     """Sum of the rewards of the episode."""
+
+
+def refuse_test_memories(memory: str, name: str) -> None:
+    """Raise a SettingsError if a memory, or part of the bank, given as the argument `name` is one of the test part."""
+    tested = {name for name in shipped_memories(None) if split_of(name).startswith("test")}
+    if tested & set(memories_of(memory)):
+        raise SettingsError(
+            f"{name} should not be of the test part of the bank, but is `{memory}`: agents are judged on those "
+            "memories, and no training may see them"
+        )
 
 
 def memories_of(name: str) -> tuple[str, ...]:

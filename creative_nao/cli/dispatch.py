@@ -122,6 +122,7 @@ COMMANDS = {
     "agent tune": ("agent", "TuneAgentSettings", "search hyperparameters on validation memories"),
     "agent run": ("agent", "RunAgentSettings", "let an agent play and print what it earned"),
     "agent record": ("agent", "RecordAgentSettings", "write an agent's episodes as a Minari dataset"),
+    "agent body-sense": ("agent_body_sense", "BodySenseSettings", "learn which movements the body refuses"),
     "explore": ("explore", "ExploreSettings", "touch a memory in the browser and watch the robot do what is there"),
     "evaluate": ("evaluate", "EvaluateSettings", "compare agents on a suite; ends with a table and a report"),
     "evaluate paper": ("evaluate_paper", "PaperOptions", "reproduce the paper, claim by claim"),
