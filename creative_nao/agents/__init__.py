@@ -5,7 +5,8 @@ Without rewards: `SupervisedAgent` (the paper's baseline), `ReplayAgent`, `Rando
 `OracleAgent`. By rule: `LatticeAgent`, `SpreadAgent`, `SpreadPointsAgent`.
 Searches: `CmaEsAgent`, `CmaMeAgent`, `MapElitesAgent`, `NoveltySearchAgent`, `BayesianAgent`; the
 settings of each are a record in its file. Imagining before performing: `rehearse` any agent, `ImagineAgent`,
-`ImagineWithBodyAgent`, `PlanAgent`, `SurrogateAgent`, `LearnedMapAgent`.
+`ImagineWithBodyAgent`, `PlanAgent`, `SurrogateAgent`, `LearnedMapAgent`; what the body may refuse: `BodySense`,
+`BodySettings`, `PlanWithSenseAgent`, `PlanWithBodyAgent`.
 PPO: `PPOSettings`, `train_ppo`; training of PPO, SAC, TD3, RecurrentPPO, TQC and CrossQ: `agents.training`,
 `agents.settings`. By name: `NAMES`, `make_agent`. Files: `save_bundle`, `load_bundle`, `load_agent`,
 `shipped_agents`. Your own: `as_agent`, `PolicyAgent`, `FunctionAgent`, `load_entry_point`; our agents as a policy:

@@ -20,6 +20,10 @@ from .black_box import (
     SpreadPointsAgent,
     SupervisedAgent,
 )
+from .body_sense import (
+    BodySense,
+    shipped_sense,
+)
 from .bundle import (
     BundleHeader,
     TrainedPolicy,
@@ -51,10 +55,13 @@ from .registry import (
     make_agent,
 )
 from .rehearsal import (
+    BodySettings,
     ImagineAgent,
     ImagineWithBodyAgent,
     PlanAgent,
     PlanningAgent,
+    PlanWithBodyAgent,
+    PlanWithSenseAgent,
     Rehearsal,
     RehearsalSettings,
     rehearse,
@@ -80,6 +87,8 @@ __all__ = [
     "AgentOrderError",
     "AgentPolicy",
     "BayesianAgent",
+    "BodySense",
+    "BodySettings",
     "BundleHeader",
     "CellPolicy",
     "CellSACPolicy",
@@ -97,6 +106,8 @@ __all__ = [
     "OracleAgent",
     "PPOSettings",
     "PlanAgent",
+    "PlanWithBodyAgent",
+    "PlanWithSenseAgent",
     "PlanningAgent",
     "Policy",
     "PolicyAgent",
@@ -121,5 +132,6 @@ __all__ = [
     "rehearse",
     "save_bundle",
     "shipped_agents",
+    "shipped_sense",
     "train_ppo",
 ]

@@ -39,6 +39,8 @@ UNTRAINED: dict[str, Callable[[], Agent]] = {
         surrogate.SurrogateAgent,
         rehearsal.ImagineAgent,
         rehearsal.PlanAgent,
+        rehearsal.PlanWithSenseAgent,
+        rehearsal.PlanWithBodyAgent,
         rehearsal.ImagineWithBodyAgent,
         black_box.OracleAgent,
     )
