@@ -23,7 +23,7 @@ from torch import nn
 from creative_nao import load_agent, storage
 from creative_nao.agents import CellPolicy, FlippedSwappedAxes, PolicyAgent
 from creative_nao.agents.cells import CellDistribution
-from creative_nao.agents.learned_map.network import AttentiveMap, value_of
+from creative_nao.agents.learned_map.network import AttentiveMap, expected
 from creative_nao.agents.learned_map.training import Simulator, SupervisedMap, losses
 from creative_nao.agents.learned_map.truth import bank_truths
 from creative_nao.agents.play import Score, evaluate_agent
@@ -57,12 +57,13 @@ class MapNetwork(nn.Module):
         rows = told["tries"][:, : max(int(told["tries"][..., 0].sum(dim=1).max()), 1)]
         points = told["points"].unflatten(1, (self.map.n_basic, -1))
         asked = self.places.expand(len(observations), *self.places.shape)
-        expected = value_of(self.map(points, rows, rows[..., 0], asked))
+        usable, far, _ = expected(self.map(points, rows, rows[..., 0], asked))
+        worth = usable * far
         earned = rows[..., self.map.columns[3].start]
-        best = expected.topk(2, dim=1).values
-        summary = [expected.mean(dim=1), expected.std(dim=1), *best.unbind(dim=1), earned.mean(dim=1)]
+        best = worth.topk(2, dim=1).values
+        summary = [worth.mean(dim=1), worth.std(dim=1), *best.unbind(dim=1), earned.mean(dim=1)]
         value = self.value(torch.stack([*summary, told["step"][:, 0]], dim=1).detach())
-        return expected / self.log_temperature.exp(), value
+        return worth / self.log_temperature.exp(), value
 
     def forward_actor(self, observations: torch.Tensor) -> torch.Tensor:
         """Return logits."""
@@ -76,9 +77,11 @@ class MapNetwork(nn.Module):
 class MapPolicy(CellPolicy):
     """PPO's policy over the cells, out of a learned map; `start` is the map to begin with."""
 
-    def __init__(self, observation_space: Any, action_space: Any, lr_schedule: Any, start: AttentiveMap) -> None:
+    def __init__(
+        self, observation_space: Any, action_space: Any, lr_schedule: Any, start: AttentiveMap, use_sde: bool = False
+    ) -> None:
         self.begin_with = (start,)  # a module may only be set once the policy is one
-        super().__init__(observation_space, action_space, lr_schedule)
+        super().__init__(observation_space, action_space, lr_schedule, use_sde=use_sde)
 
     def make_network(self, space: Any, actions: Any) -> tuple[Any, CellDistribution]:
         """Return the network and its distribution."""

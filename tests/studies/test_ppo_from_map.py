@@ -7,7 +7,7 @@ import pytest
 import torch
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from creative_nao.agents.learned_map.network import AttentiveMap, value_of
+from creative_nao.agents.learned_map.network import AttentiveMap, expected
 from creative_nao.agents.learned_map.training import Simulator, SupervisedMap
 from creative_nao.agents.learned_map.truth import memory_truth
 from creative_nao.model import load_memory
@@ -22,8 +22,8 @@ def test_it_begins_as_the_map_and_learns_after_the_value_has():
     observation = torch.as_tensor(env.reset(seed=0)[0])[None]
     points, rows = observation[:, :12].reshape(1, 6, 2), torch.zeros(1, 1, start.columns[-1].stop)
     places = policy.mlp_extractor.places[None]
-    expected = value_of(start(points, rows, rows[..., 0], places)) / ppo_from_map.TEMPERATURE
-    assert torch.allclose(policy.mlp_extractor(observation)[0], expected, atol=1e-5)
+    usable, far, _ = expected(start(points, rows, rows[..., 0], places))
+    assert torch.allclose(policy.mlp_extractor(observation)[0], usable * far / ppo_from_map.TEMPERATURE, atol=1e-5)
     model = ppo_from_map.PPO(
         ppo_from_map.MapPolicy, DummyVecEnv([lambda: env]), n_steps=4, batch_size=4, n_epochs=1, device="cpu", seed=0,
         policy_kwargs={"start": start},
@@ -32,10 +32,12 @@ def test_it_begins_as_the_map_and_learns_after_the_value_has():
     weights = [one.detach().clone() for one in start.parameters()]
 
     def moved():
-        return any(not torch.equal(a, b) for a, b in zip(weights, model.policy.mlp_extractor.map.parameters(), strict=True))
+        return any(
+            not torch.equal(a, b) for a, b in zip(weights, model.policy.mlp_extractor.map.parameters(), strict=True)
+        )
 
     model.learn(4, callback=ppo_from_map.Auxiliary(simulator, 2, 1, 0))
     assert not moved()
     model.learn(8, callback=ppo_from_map.Auxiliary(simulator, 2, 1, 0))
     assert moved()
-    assert np.isfinite(float(model.policy.mlp_extractor.log_temperature))
+    assert np.isfinite(model.policy.mlp_extractor.log_temperature.item())
