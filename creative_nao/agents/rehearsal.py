@@ -126,7 +126,7 @@ class PlanningAgent(MovementAgent[S]):
 
     A subclass says where to imagine in `where`, and what to perform without imagining in `untried`. Its settings tell
     `first_share`, the part of the budget that is imagined before the first movement, evenly spread (Sobol); the rest is
-    imagined in equal parts before each movement, and, with `n_rounds` in its settings, each part in so many rounds.
+    imagined in equal parts before each movement.
     Where the robot performs in physics, `body` tells how the agent heeds what the body may refuse.
     """
 
@@ -193,9 +193,8 @@ class PlanningAgent(MovementAgent[S]):
         n = self.context.n_imagined_left // self._n_left
         n_simulated = min(self._n_simulated, max(n - 1, 0))
         n -= n_simulated
-        n_at_once = max(-(-n // getattr(self.settings, "n_rounds", 1)), 1)
-        for done in range(0, n, n_at_once):
-            self.imagine(self.where(min(n_at_once, n - done)))
+        if n:
+            self.imagine(self.where(n))
         for n_left in range(n_simulated, -1, -1):
             if (place := self.best()) is None:
                 break

@@ -31,7 +31,7 @@ from creative_nao.measures import dtw, reward_scale
 from creative_nao.model import load_memory
 
 ENV = "CreativeNao/BoxingMental-v1"
-NET = {"width": 8, "n_heads": 2, "n_layers": 1, "n_asked": 36, "n_refined": 16, "n_rounds": 2}
+NET = {"width": 8, "n_heads": 2, "n_layers": 1, "n_asked": 36, "n_refined": 16}
 OWN = {"own_interval": 1, "own_size": 2, "imagined_share": 0.5, "swapped_actions": [1, 0, 3, 2, 5, 4]}
 ENTRY = {"n_timesteps": 12, "batch_size": 4, "n_queries": 8, **OWN, "policy_kwargs": NET}
 

@@ -14,7 +14,7 @@ from creative_nao.agents.rehearsal import PlanningAgent
 from creative_nao.envs.observation import try_columns
 from creative_nao.measures import reward_scale
 from creative_nao.measures.outcome import OUTCOME_CODE
-from creative_nao.schema import Count, Field, UnitInterval, record
+from creative_nao.schema import Field, UnitInterval, record
 
 if TYPE_CHECKING:
     from creative_nao.agents.bundle import TrainedPolicy
@@ -33,13 +33,7 @@ class LearnedMapSettings:
     """Points spread over the PB space at which the map is asked first."""
     n_refined: Annotated[int, Field(ge=0, le=65_536)] = 64
     """Points around the best of them that are asked then."""
-    optimism: Annotated[float, Field(ge=-100, le=100)] = 0.0
-    """Weight of the spread of the expected distance."""
-    improvement: bool = True
-    """Imagine where most is expected beyond the best movement imagined and not yet performed."""
-    n_rounds: Count = 1
-    """In so many parts the movements of one performance are imagined; before each the map is asked again."""
-    first_share: UnitInterval = 0.25
+    first_share: UnitInterval = 0.0
     """Part of the budget of imagining that is spread evenly before the first movement is performed."""
 
 
@@ -53,7 +47,6 @@ def refined(
 
     def value(pb: np.ndarray) -> np.ndarray:
         probability, distance, spread = ask(pb)
-        distance = distance + settings.optimism * spread
         if best > 0.0:
             from scipy.special import ndtr
 
@@ -77,9 +70,10 @@ def cell(n_points: int, n_pb: int) -> float:
 class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
     """Expects what each point would earn now, by a network that has seen other memories, and takes the best.
 
-    Without imagining it performs the best point; else it imagines there, shows the network all that it has imagined,
-    and performs the farthest movement of all those. It reads `info` and works in every environment of the project whose
-    memories have as many PB units and basic actions as those it was trained on.
+    Without imagining it performs the best point; else it imagines where most is expected beyond the best movement
+    imagined so far, shows the network all that it has imagined, and performs the farthest movement of all those. It
+    reads `info` and works in every environment of the project whose memories have as many PB units and basic actions as
+    those it was trained on.
 
     Args:
         trained: A trained map, from `load_agent`.
@@ -117,7 +111,7 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
         n_pb, rng = self._points.shape[1], self.context.rng
         spread = self._candidates if n <= len(self._candidates) else spread_points(n_pb, 2 * n)
         shift = cell(len(spread), n_pb) * rng.uniform(-0.5, 0.5, spread.shape)
-        best = float(self._distances.max(initial=0.0)) / self._unit if self.settings.improvement else 0.0
+        best = 0.0 if (place := self.best()) is None else float(self._distances[place]) / self._unit
         candidates = np.clip(spread + shift, -1.0, 1.0).astype(np.float32)
         pb, values = refined(self._map.expect(self._points, *self.rows()), candidates, self.settings, best)
         return pb[np.argsort(-values, kind="stable")[:n]].astype(np.float64)

@@ -92,7 +92,7 @@ class SimulatedEpisode:
         """Perform `n` movements, each the best of all imagined so far: some evenly spread first, others around it."""
         pb, k = self.truth.pb, int(rng.choice(PLANNED))
         share, sigma = rng.choice([0.0, 0.25, 0.5]), rng.choice([0.1, 0.2, 0.3])
-        pool = rng.integers(len(pb), size=round(share * k * N_ACTIONS))
+        pool: np.ndarray = rng.integers(len(pb), size=(round(share * k * N_ACTIONS),))
         n_each = max(1, int((1.0 - share) * k))
         for _ in range(n):
             new = rng.integers(len(pb), size=n_each)

@@ -62,8 +62,11 @@ class AttentiveMap(nn.Module):
         n_heads: Of each layer of attention.
         n_layers: Layers in which tries read each other, and as many in which points read them.
         dropout: Share of units left out in training.
-        settings: Those of `LearnedMapSettings`.
+        n_asked, n_refined, first_share: As of `LearnedMapSettings`.
     """
+
+    waves: Tensor
+    basic_gaps: Tensor
 
     def __init__(
         self,
@@ -77,13 +80,10 @@ class AttentiveMap(nn.Module):
         dropout: float = 0.0,
         n_asked: int = 256,
         n_refined: int = 64,
-        optimism: float = 0.0,
-        improvement: bool = True,
-        n_rounds: int = 1,
-        first_share: float = 0.25,
+        first_share: float = 0.0,
     ) -> None:
         super().__init__()
-        self.settings = LearnedMapSettings(n_asked, n_refined, optimism, improvement, n_rounds, first_share)
+        self.settings = LearnedMapSettings(n_asked, n_refined, first_share)
         self.observation_space, self.action_space = observation_space, action_space
         n_pb = action_space.shape[0]
         n_points = int((observation_space.low < 0.0).argmin())  # the first of a try says whether there was one

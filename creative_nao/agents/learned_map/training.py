@@ -159,7 +159,7 @@ def judge(policy: AttentiveMap, truths: Sequence[MemoryTruth], seeds: Sequence[i
         n_pb, n_basic = truth.form
         warps = [random_warp(n_pb, np.random.default_rng(seed)) for seed in seeds]
         episodes = [SimulatedEpisode(truth, warp, np.arange(n_basic)) for warp in warps]
-        play_greedily(policy, episodes, np.random.default_rng(0), optimism=policy.settings.optimism)
+        play_greedily(policy, episodes, np.random.default_rng(0))
         found += [float(sum(one.earned)) for one in episodes]
     return tuple(found)
 

@@ -91,6 +91,7 @@ class MemoryTruth:
         )
 
 
+@functools.cache
 def spread_points(n_pb: int, n: int) -> np.ndarray:
     """Return PB points spread over [-1, 1]^n_pb, the same each time: float64 of shape (n, n_pb).
 
