@@ -75,7 +75,7 @@ class Context:
         imagination: Imagines movements and counts them; None where none may be imagined.
         points: The learned PB points of the basic actions, (n_basic, n_pb), in (-1, 1); None on the track `outcomes`.
         demonstrations: The basic actions themselves; None on `outcomes` and `points`.
-        physics: Whether the robot performs each movement in physics, where its body may refuse it.
+        physics: Whether the robot performs movements in physics, where its body may refuse them.
     """
 
     action_space: Box
@@ -115,8 +115,7 @@ class Context:
         points = np.atleast_2d(np.asarray(pb, np.float32))
         if points.ndim != 2 or not all(self.action_space.contains(point) for point in points):
             raise ShapeError(f"`pb` should be PB vectors inside {self.action_space}, but is {shown(points.tolist())}")
-        imagination = Imagination(None, 0) if self.imagination is None else self.imagination
-        found = imagination.imagine(points, with_body)
+        found = (self.imagination or Imagination(None, 0)).imagine(points, with_body)
         return [Info(self.track.visible({**info, "imagined": True})) for info in found]
 
     def within(self, track: str) -> Context:
@@ -409,8 +408,7 @@ class PolicyAgent(Agent):
 
     def choose(self, observation: np.ndarray) -> np.ndarray:
         """Return the policy's action, shape (2,)."""
-        episode_start = np.array([self._first])
-        self._first = False
+        episode_start, self._first = np.array([self._first]), False
         if self.deterministic:
             action, self._state = self.policy.predict(observation, self._state, episode_start, deterministic=True)
             return action

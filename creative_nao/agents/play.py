@@ -206,7 +206,9 @@ def _imaginer(env: gym.Env) -> Callable[[np.ndarray, bool], list[dict[str, Any]]
             state, found = inner.get_state(), []
             for point in pb:
                 twins[0].set_state(state)
-                _, reward, _, _, info = twins[0].step(point)
+                info: dict[str, Any] = {}
+                while "outcome" not in info:  # where a movement takes several decisions, the PB is held
+                    _, reward, _, _, info = twins[0].step(point)
                 found.append({**info, "reward": float(reward)})
             return found
         terms = inner.imagine(pb)
