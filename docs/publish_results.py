@@ -100,6 +100,7 @@ def _performed(results: Results) -> dict[str, Any]:
     """Return what physical execution changes, agent by agent, and why actions were refused."""
     imagined = entries_of(results, MENTAL)
     oracle = [row["oracle_reward"] for row in results["rows"] if row["oracle_reward"] is not None]
+    best = float(np.mean(oracle)) if oracle else math.nan
     performed = {entry["agent"]: entry for entry in entries_of(results, PHYSICAL)}
     outcomes: dict[str, Counter[str]] = {entry["agent"]: Counter() for entry in imagined}
     for row in results["rows"]:
@@ -112,7 +113,7 @@ def _performed(results: Results) -> dict[str, Any]:
             "performed": performed[entry["agent"]],
             "change_pct": 100.0 * (performed[entry["agent"]]["reward"]["mean"] / entry["reward"]["mean"] - 1.0),
             "refused_pct": _refused_pct(outcomes[entry["agent"]]),
-            "share_pct": 100.0 * performed[entry["agent"]]["reward"]["mean"] / float(np.mean(oracle)) if oracle else None,
+            "share_pct": 100.0 * performed[entry["agent"]]["reward"]["mean"] / best,
         }
         for entry in imagined
     ]

@@ -10,7 +10,7 @@ import numpy as np
 from creative_nao.agents.base import Context
 from creative_nao.agents.black_box import learned_points
 from creative_nao.agents.learned_map.truth import spread_points
-from creative_nao.agents.rehearsal import PlanningAgent
+from creative_nao.agents.rehearsal import BodySettings, PlanningAgent
 from creative_nao.envs.observation import try_columns
 from creative_nao.measures import reward_scale
 from creative_nao.measures.outcome import OUTCOME_CODE
@@ -73,7 +73,7 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
     Without imagining it performs the best point; else it imagines where most is expected beyond the best movement
     imagined so far, shows the network all that it has imagined, and performs the farthest movement of all those. It
     reads `info` and works in every environment of the project whose memories have as many PB units and basic actions as
-    those it was trained on.
+    those it was trained on; in physics it weighs movements by the body sense.
 
     Args:
         trained: A trained map, from `load_agent`.
@@ -81,6 +81,7 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
     """
 
     name: ClassVar[str] = "learned_map"
+    body = BodySettings("sense")
     _map: Any
     settings_type = LearnedMapSettings
 
