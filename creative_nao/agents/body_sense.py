@@ -110,6 +110,7 @@ def perform_movements(
 
     Raises:
         FileFormatError: If a file that is there was made with other settings, or is damaged.
+        SettingsError: If a memory has other joints.
     """
     settings = MovementSettings() if settings is None else settings
     with closing(ThreadPool(n_threads)) as threads:
@@ -121,6 +122,8 @@ def perform_movements(
                 _read(path, name, settings)
                 continue
             memory = load_memory(name)
+            if memory.joints != JOINTS:
+                raise SettingsError(f"memory `{name}` should have the joints {', '.join(JOINTS)}, but has others")
             points, moves = chosen_points(memory, settings)
             performances = [one for one, _ in pool.perform(moves, [memory.dt_s] * len(moves))]
             faults = [first_failure(one, PhysicalLimits()) for one in performances]
