@@ -18,8 +18,8 @@ from creative_nao.measures import Criteria, dtw_matrix
 from creative_nao.schema import Field, must, record
 
 MAX_DRAFTS = 8
-MAX_KEYS = 24
 MAX_DURATION_S = 12.0
+MAX_KEYS = round(MAX_DURATION_S / DT_S) + 1  # a recording has one at every tick
 MIN_GAP_S = 0.05  # shortest time between two keys [s]
 _ROUNDING_RAD = 1e-9
 MIN_DURATION_S = 0.6
@@ -81,13 +81,21 @@ class Draft:
         return self.movement().at(np.arange(int(np.ceil(round(self.duration_s / DT_S, 6))) + 1) * DT_S)
 
     def peak_speeds(self) -> np.ndarray:
-        """Return the largest speed of each joint between two keys [rad/s], shape (n_keys - 1, 8)."""
+        """Return the largest speed of each joint between two keys [rad/s], shape (n_keys - 1, 8).
+
+        A memory is taught postures at the tick: of keys no farther apart, as a recording's, it sees the mean speed.
+        """
         movement = self.movement()
-        return PEAK_OF_MEAN * np.abs(np.diff(movement.postures, axis=0)) / np.diff(movement.times_s)[:, None]
+        gaps = np.diff(movement.times_s)[:, None]
+        return np.where(gaps > DT_S + 1e-9, PEAK_OF_MEAN, 1.0) * np.abs(np.diff(movement.postures, axis=0)) / gaps
+
+    def slowdown(self) -> float:
+        """Return how many times slower the whole movement has to be for every motor to follow; 1 if none."""
+        return max(1.0, float((self.peak_speeds() / _limits()).max()))
 
     def fault(self) -> str | None:
         """Return what is wrong, one line, or None if it can be taught."""
-        speeds, limit = self.peak_speeds(), np.array([MAX_SPEED_RAD_S[joint] for joint in JOINTS])
+        speeds, limit = self.peak_speeds(), _limits()
         excess = speeds / limit
         if excess.max() > 1:
             segment, joint = np.unravel_index(int(excess.argmax()), excess.shape)
@@ -106,6 +114,10 @@ class Draft:
                 f"{MIN_EXCURSION_RAD} or more; add a key and drag the sliders"
             )
         return None
+
+
+def _limits() -> np.ndarray:
+    return np.array([MAX_SPEED_RAD_S[joint] for joint in JOINTS])
 
 
 @record
@@ -172,6 +184,7 @@ class KeyframeSet:
             "dt": DT_S,
             "movements": [draft.trajectory().round(5).tolist() for draft in self.drafts],
             "faults": [draft.fault() for draft in self.drafts],
+            "slowdowns": [draft.slowdown() for draft in self.drafts],
             "shortcomings": self.shortcomings(),
             "advice": self.advice()[:4],
         }

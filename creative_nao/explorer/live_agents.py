@@ -13,6 +13,8 @@ from creative_nao.agents.bundle import KIND, find_bundle
 from creative_nao.agents.play import make_env, play_episode
 from creative_nao.agents.registry import split_name
 from creative_nao.arrays import load_tensors
+from creative_nao.envs import BoxingMentalEnv, Track
+from creative_nao.envs.observation import CELLS
 from creative_nao.errors import NotFoundError, nearest_name
 from creative_nao.explorer.run_episodes import MENTAL, RunEpisodes, Try
 from creative_nao.model import Memory
@@ -27,17 +29,21 @@ RECORDED = "run:"
 """Begins the name of an agent of the run folder."""
 
 
-def trained_agents() -> list[str]:
-    """Return the names of the shipped agents that generate movements without physics, the best recorded score first."""
-    return sorted(
-        (name for name in shipped_agents() if _environment(name).startswith(MENTAL)), key=_score, reverse=True
-    )
+def trained_agents(memory: Memory) -> list[str]:
+    """Return the shipped agents that can play in a memory without physics, the best recorded score first."""
+    seen = {
+        BoxingMentalEnv(memory, n_actions=N_TRIES, observation=kind).observation_space.shape
+        for kind in (CELLS, *(track for track in Track if track != Track.MAP))
+    }
+    mental = [name for name in shipped_agents() if _environment(name).startswith(MENTAL)]
+    return sorted((name for name in mental if _trained_on(name)[0] in seen), key=lambda name: -_trained_on(name)[1])
 
 
 @functools.cache
-def _score(name: str) -> float:
-    header, _ = load_tensors(find_bundle(name), kind=KIND)  # making its policy would load torch
-    return float((header.get("score") or {}).get("mean", 0.0))
+def _trained_on(name: str) -> tuple[tuple[int, ...], float]:
+    """Return the shape of what an agent observes and its recorded score; making its policy would load torch."""
+    header, _ = load_tensors(find_bundle(name), kind=KIND)
+    return tuple(header["observation_space"]["shape"]), float((header.get("score") or {}).get("mean", 0.0))
 
 
 def _environment(name: str) -> str:
@@ -51,15 +57,19 @@ def agents_for(memory: Memory, run: RunEpisodes | None = None) -> dict[str, Any]
     `groups` of names with their titles, the `pair` that races unless others are chosen, and `guide`, who finds the
     surprises of the tour.
     """
-    trained, recorded = trained_agents(), [] if run is None else [f"{RECORDED}{name}" for name in run.of(memory.name)]
+    trained, recorded = (
+        trained_agents(memory),
+        [] if run is None else [f"{RECORDED}{name}" for name in run.of(memory.name)],
+    )
     groups = {
         "" if run is None else f"Of the run {run.name}": recorded,
-        "Trained": trained, "By rule or search": [*UNTRAINED], "Imagining eight before each": [*IMAGINING],
+        "Trained": trained, "By rule or search": [*UNTRAINED],
+        "Imagining eight before each": [*(f"{name}@8" for name in trained[:1]), *IMAGINING],
     }  # fmt: skip
-    pair = [*recorded[:2], *trained[:1], "random"][:2]
+    guide = [*trained, "spread_points"][0]
     return {
         "groups": [[title, names] for title, names in groups.items() if names],
-        "pair": pair if pair[0] != pair[1] else [pair[0], "sobol"], "guide": [*trained, "map_elites"][0],
+        "pair": [*recorded[:2], guide, "random"][:2], "guide": guide,
     }  # fmt: skip
 
 
@@ -80,7 +90,7 @@ def tries(memory: Memory, name: str, seed: int, run: RunEpisodes | None = None) 
         found = recorded[name][seed % len(recorded[name])]
     else:
         base, n_candidates = split_name(name)
-        known = [*recorded, *trained_agents(), *UNTRAINED]
+        known = [*recorded, *trained_agents(memory), *UNTRAINED]
         if base not in known or base in recorded or (n_candidates or 1) > MAX_CANDIDATES:
             raise NotFoundError(f"no agent `{name:.40}`{nearest_name(name, known)}; there are {', '.join(known)}")
         agent = make_agent(name)

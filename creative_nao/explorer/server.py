@@ -32,6 +32,7 @@ from starlette.types import ASGIApp
 from creative_nao.demonstrations import save_demonstrations
 from creative_nao.errors import CreativeNaoError, NotFoundError, SettingsError
 from creative_nao.exchange import FORMATS, WRITABLE
+from creative_nao.exchange.motion import DT_S
 from creative_nao.explorer.favourites import Favourite, Session
 from creative_nao.explorer.gate import Gate
 from creative_nao.explorer.keyframes import KeyframeSet, Rows, boxing, ranges
@@ -235,16 +236,20 @@ class Explorer:
         return {"name": name, "content": b64encode(content).decode(), "changes": list(changes)}
 
     def read(self, query: dict[str, str], body: bytes) -> dict[str, Any]:
-        """Read a recording, and find the PB point of a memory that comes nearest, unless none is named."""
+        """Read a recording, and find the PB point of a memory nearest to its first movement, unless none is named."""
         name = query.get("memory", "")
         memory = self.memory(name).memory if name else None
-        recording = read_upload(
-            query.get("name", ""), body, self.registry.first.memory.dt_s if memory is None else memory.dt_s
-        )
-        told = {"angles": recording.motion.angles.tolist(), "dt": recording.motion.dt_s, "notes": list(recording.notes)}
+        recordings = read_upload(query.get("name", ""), body, DT_S if memory is None else memory.dt_s)
+        told: dict[str, Any] = {
+            "dt": recordings[0].motion.dt_s,
+            "movements": [
+                {"name": one.place, "angles": one.motion.angles.tolist(), "notes": list(one.notes)}
+                for one in recordings
+            ],
+        }
         if memory is None:
             return told
-        found = memory.infer_pb(recording.motion.angles)
+        found = memory.infer_pb(recordings[0].motion.angles)
         return told | {"pb": found.pb.tolist(), "error": float(found.error)}
 
     def get_agent(self, query: dict[str, str]) -> dict[str, Any]:

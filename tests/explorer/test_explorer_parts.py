@@ -145,7 +145,7 @@ def test_an_agent_plays_and_others_are_refused(memory):
 def test_every_format_goes_out_and_comes_back(memory, format_name):
     points = memory.pb[:1].tolist()
     name, content, _ = export(memory, points, movement(memory, memory.pb[:1]), format_name)
-    back = _read(name, content, memory.dt_s)
+    (back,) = _read(name, content, memory.dt_s)
     # Formats for robots begin with the way to the first posture.
     assert len(back["angles"]) >= memory.n_steps
     assert back["format"] == format_name
@@ -156,15 +156,15 @@ def test_every_format_goes_out_and_comes_back(memory, format_name):
 def test_a_table_of_a_spreadsheet_is_read_and_it_is_said(memory):
     rows = ["time_s;" + ";".join(memory.joints)]
     rows += [f"{tick * 0.15:.2f};{';'.join(f'{57.3 * angle:.3f}' for angle in row)}" for tick, row in enumerate(memory.demonstrations.trajectories[0])]  # fmt: skip # noqa: E501
-    recording = read_upload("C:\\movements\\mine.csv", "\n".join(rows).replace(".", ",").encode(), memory.dt_s)
+    (recording,) = read_upload("C:\\movements\\mine.csv", "\n".join(rows).replace(".", ",").encode(), memory.dt_s)
     np.testing.assert_allclose(recording.motion.angles, memory.demonstrations.trajectories[0], atol=0.01)
     assert any("semicolons" in note for note in recording.notes)
     assert any("degrees" in note for note in recording.notes)
 
 
 def test_an_upload_too_large_or_foreign_is_refused():
-    with pytest.raises(FileFormatError, match="may have 2000000 bytes"):
-        read_upload("a.csv", b"x" * 2_000_001, 0.15)
+    with pytest.raises(FileFormatError, match="may have 4000000 bytes"):
+        read_upload("a.csv", b"x" * 4_000_001, 0.15)
     with pytest.raises(FileFormatError, match=r"^passwd\.csv"):
         read_upload("/etc/passwd", b"root:x:0:0", 0.15)
 

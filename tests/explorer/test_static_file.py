@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import json
 import re
 import shutil
 import socket
@@ -14,7 +15,9 @@ import numpy as np
 import pytest
 from visiting import free_port
 
+from creative_nao.agents import shipped_agents
 from creative_nao.cli import main
+from creative_nao.explorer import live_agents
 from creative_nao.explorer.static_export import STATIC, bundled, page, write_page
 from creative_nao.model import load_memory
 
@@ -25,8 +28,16 @@ EVIL = (
 )  # fmt: skip
 
 
+@pytest.fixture(autouse=True, scope="module")
+def no_trained_agents():
+    """Let agents without torch, which takes seconds to load, play in the files; docs/play.html has a trained one."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(live_agents, "trained_agents", lambda _: [])
+        yield
+
+
 @pytest.fixture(scope="module")
-def file(tmp_path_factory):
+def file(tmp_path_factory, no_trained_agents):
     """A file of a memory whose names are markup."""
     memory = load_memory("half/0")
     actions = dataclasses.replace(memory.demonstrations, names=EVIL)
@@ -93,6 +104,8 @@ def test_the_file_of_the_documentation_has_the_scripts_of_today():
     text = (DOCS / "play.html").read_text(encoding="utf-8")
     assert bundled() in text
     assert (STATIC / "page.css").read_text(encoding="utf-8") in text
+    tries = json.loads(re.search(r'<script type="application/json" id="data">(.*)</script>', text)[1])["tries"]
+    assert any(name in shipped_agents() for name in tries)
 
 
 @pytest.mark.slow

@@ -76,12 +76,12 @@ def test_what_cannot_be_learned_is_said_in_one_line():
         ),
         (lambda d: Key(0, (float("nan"),) * 8), "`posture`, entry 1 should be a finite number"),
         (lambda d: Key(0, (9.0,) * 8), "the posture at 0 s should lie in the joints' ranges"),
-        (lambda d: Draft("x", tuple(Key(0.1 * k, d.keys[0].posture) for k in range(MAX_KEYS + 1))), "2 to 24 keys"),
+        (lambda d: Draft("x", tuple(Key(0.1 * k, d.keys[0].posture) for k in range(MAX_KEYS + 1))), "2 to 81 keys"),
         (
             lambda d: KeyframeSet(tuple(Draft(f"d{k}", d.keys) for k in range(MAX_DRAFTS + 1))),
             "there may be 8 demonstrations",
         ),
-        (lambda d: Draft("x", d.keys[:1]), "should have 2 to 24 keys, but has 1"),
+        (lambda d: Draft("x", d.keys[:1]), "should have 2 to 81 keys, but has 1"),
         (lambda d: KeyframeSet((d, d)), "two demonstrations are called wave"),
     ],
 )

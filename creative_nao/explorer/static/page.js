@@ -448,7 +448,7 @@ export function toast(text, action = null) {
     box.append(" ", button);
   }
   $("toasts").append(box);
-  setTimeout(() => box.remove(), 8000);
+  setTimeout(() => box.remove(), 8000 + 50 * text.length);
 }
 
 export async function waiting(job, button = null) {
@@ -517,15 +517,17 @@ async function receive(file) {
   const panel = app.panels[0];
   const read = await waiting(() => source.read(panel.name, file), null);
   if (!read) return;
-  const recall = { points: [read.pb], ...panel.memory.evaluate(read.angles) };
+  const [first, ...others] = read.movements;
+  const recall = { points: [read.pb], ...panel.memory.evaluate(first.angles) };
   app.past.push(app.points);
   app.points = [read.pb];
   panel.present(recall, true);
   panel.map.mark({ letters: { R: read.pb } });
   app.player.start(true);
   settle(false);
-  const notes = read.notes.length ? ` ${read.notes.join("; ")}.` : "";
-  toast(`${file.name}: the memory comes nearest at R, ${read.error.toFixed(1)} rad away.${notes}`);
+  const several = others.length ? [`it holds ${others.length + 1} movements, this is the first`] : [];
+  const notes = [...several, ...first.notes].map((note) => `; ${note}`).join("");
+  toast(`${file.name}: the memory comes nearest at R, ${read.error.toFixed(1)} rad away${notes}.`);
 }
 
 function key(event) {

@@ -7,10 +7,10 @@ import { make } from "./drawing.js";
 let stopped = () => {};
 
 // A panel over the page with a title and a way to end; `ended` is called once, whatever ends it.
-function sheet(title, children, next, ended = () => {}) {
+export function sheet(title, children, next, ended = () => {}, word = "End") {
   stopped();
   const box = $("stop");
-  const close = make("button", { className: "quiet" }, "End");
+  const close = make("button", { className: "quiet" }, word);
   close.addEventListener("click", () => stopped());
   box.replaceChildren(make("h2", {}, title), ...children, make("div", { className: "row" }, [...next, make("span", { className: "gap" }), close]));
   box.setAttribute("aria-label", title);
@@ -19,7 +19,7 @@ function sheet(title, children, next, ended = () => {}) {
   stopped = () => {
     run.over = true;
     box.hidden = true;
-    app.panels[0].map.mark({ dots: runDots() });
+    app.panels[0].map?.mark({ dots: runDots() });
     stopped = () => {};
     ended();
   };

@@ -4,15 +4,18 @@ import { PBMap, WHOLE } from "./map.js";
 import { Stage } from "./robot.js";
 import { base64Blob, download } from "./source.js";
 import { draftSvg, fill, lossSvg, make } from "./drawing.js";
-import { $, app, pictureOf, source, toast, waiting } from "./page.js";
+import { $, app, pictureOf, source, telling, toast, waiting } from "./page.js";
+import { sheet } from "./shows.js";
 
 const KEPT = "creative-nao-keyframes";
+const TOLD = "creative-nao-conversions"; // what was converted, by the name of the demonstration
+const LONGEST_S = 12;
 const PARTS = ["shoulder pitch", "shoulder roll", "elbow yaw", "elbow roll"];
 const MIRROR = [1, -1, -1, -1]; // an arm's angles as those of the other, of the same movement in a mirror
 const clone = (value) => JSON.parse(JSON.stringify(value));
 const spoken = (name) => name.replaceAll("_", " ");
 
-const teaching = { drafts: [], place: 0, key: 0, past: [], checked: null, joints: [], ranges: [], touched: false, taught: "", progress: null };
+const teaching = { drafts: [], place: 0, key: 0, past: [], checked: null, joints: [], ranges: [], touched: false, fresh: "", told: {}, taught: "", progress: null };
 const here = () => teaching.drafts[teaching.place];
 const keys = () => here()[1];
 
@@ -28,6 +31,7 @@ export async function teach() {
   try {
     const kept = JSON.parse(sessionStorage.getItem(KEPT));
     if (Array.isArray(kept) && kept.length) teaching.drafts = kept;
+    teaching.told = JSON.parse(sessionStorage.getItem(TOLD)) ?? {};
   } catch { /* what cannot be read is as if it was not there */ }
   const place = make("div", { className: "stage" });
   $("stages").append(place);
@@ -59,6 +63,7 @@ function controls() {
   });
 }
 
+const STEPS = ["Pose", "Train", "Explore"];
 const button = (text, act, more = {}) => {
   const made = make("button", more, text);
   made.addEventListener("click", act);
@@ -74,35 +79,40 @@ function lay() {
     file.value = "";
   });
   box.replaceChildren(
-    make("h2", {}, "1  Pose"),
+    make("nav", { className: "steps", ariaLabel: "Steps" }, STEPS.map((step, k) => button([make("b", {}, `${k + 1}`), ` ${step}`], () =>
+      $(`step-${k + 1}`).scrollIntoView({ block: "start" }), { id: `to-step-${k + 1}` }))),
+    make("h2", { id: "step-1" }, "1  Pose"),
     make("p", { className: "small" }, "A demonstration is a row of postures. Choose one below, then pull the sliders: the robot follows."),
     make("div", { id: "drafts", className: "row" }),
     make("div", { className: "row" }, [
       button("New", addDraft), button("Mirror image", mirror), button("Remove", removeDraft),
-      button("Start with boxing", startBoxing), make("label", { className: "button" }, ["Import a recording", file]), button("Undo", undo, { id: "teach-undo" }),
+      button("Start with boxing", startBoxing), make("label", { className: "button", id: "import-recording", title: "Angles of the robot, or motion capture of a person; or drop it on the page" }, ["Import a recording", file]), button("Undo", undo, { id: "teach-undo" }),
     ]),
     make("div", { id: "timeline", role: "group", ariaLabel: "Postures over time" }),
+    make("div", { className: "row status" }, [make("p", { id: "teach-status", role: "status" }), button("Slow it down", slowDown, { id: "slower", hidden: true })]),
+    make("p", { id: "told", className: "small" }),
     make("div", { className: "row" }, [
       make("label", {}, ["Name ", make("input", { id: "draft-name", size: 14 })]), make("label", {}, ["At ", make("input", { id: "key-time", size: 5, inputMode: "decimal" }), " s"]),
       button("Add posture", addKey), button("Remove posture", removeKey), button("Preview", preview), button("In physics", physics),
     ]),
     make("div", { id: "sliders" }),
-    make("p", { id: "teach-status", role: "status" }),
     make("details", {}, [make("summary", {}, "Curves"), make("div", { className: "curves", id: "draft-curves" })]),
-    make("h2", {}, "2  Train"),
+    make("h2", { id: "step-2" }, "2  Train"),
     make("div", { className: "row" }, [
       button("Train", train, { id: "train", className: "primary" }),
       make("label", {}, ["for ", select("epochs", [[10000, "10,000 rounds"], [30000, "30,000 rounds"], [60000, "60,000 rounds"], [100000, "100,000 rounds"]], 30000)]),
       button("Stop", () => control("POST"), { id: "teach-stop", hidden: true }), button("Go on", goOn, { id: "go-on", hidden: true }),
     ]),
+    make("p", { id: "train-help", className: "small" }),
     make("details", {}, [make("summary", {}, "More settings"), make("div", { className: "row" }, [
       make("label", {}, ["While it trains, it predicts from ", select("condition", [["auto", "its own prediction, from one start (auto)"], ["open", "what it is shown"], ["half", "half and half"], ["closed", "its own prediction"]], "auto")]),
       make("label", {}, ["Seed ", make("input", { id: "seed", size: 6, value: "0", inputMode: "numeric" })]),
     ])]),
     make("p", { id: "training", role: "status" }),
-    make("div", { className: "learning" }, [make("div", { className: "map small-map", id: "grown" }, [make("canvas"), layer()]), make("div", { id: "loss" })]),
+    make("div", { className: "learning", id: "learning", hidden: true }, [make("div", { className: "map small-map", id: "grown" }, [make("canvas"), layer()]), make("div", { id: "loss" })]),
     make("p", { id: "result" }),
-    make("h2", {}, "3  Explore"),
+    make("h2", { id: "step-3" }, "3  Explore"),
+    make("p", { id: "explore-help", className: "small" }),
     make("div", { className: "row" }, [
       button("Explore this memory", () => location.assign(`./?taught=${teaching.taught}`), { id: "explore", className: "primary", disabled: true }),
       button("Download memory", () => control("GET", "file"), { id: "save", disabled: true }),
@@ -151,6 +161,7 @@ function slider(part, label, joint) {
 
 let merged = "";
 function remember(what = "") {
+  teaching.fresh = "";
   if (!what || what !== merged) teaching.past = [...teaching.past, clone([teaching.drafts, teaching.place, teaching.key])].slice(-50);
   merged = what;
   teaching.touched = true;
@@ -171,18 +182,46 @@ function freeName(wish) {
   }
 }
 
-function add(name, rows) {
-  if (teaching.drafts.length >= 8) return toast("There may be 8 demonstrations; remove one first.");
+function add(name, rows, told = "", fresh = false) {
+  if (teaching.drafts.length >= 8) return void toast("There may be 8 demonstrations; remove one first.");
   remember();
   teaching.drafts.push([freeName(name), rows]);
+  const [made] = teaching.drafts.at(-1);
+  if (told) teaching.told[made] = told;
+  if (fresh) teaching.fresh = made; // nothing is wrong yet with what nobody has posed
   Object.assign(teaching, { place: teaching.drafts.length - 1, key: 0 });
   return check().then(pose);
 }
 
 const addDraft = () => {
   const guard = keys()[0].slice(1);
-  return add("my_move", [[0, ...guard], [0.75, ...guard], [1.5, ...guard]]);
+  return add("my_move", [[0, ...guard], [0.75, ...guard], [1.5, ...guard]], "", true);
 };
+
+// The whole movement, as slow as its motors need; postures at every tick stay at every tick.
+function slowDown() {
+  const rows = keys();
+  const { dt, slowdowns } = teaching.checked;
+  const factor = Math.ceil(100 * slowdowns[teaching.place] + 1) / 100;
+  const dense = rows.every((row, k) => !k || row[0] - rows[k - 1][0] <= dt + 1e-6);
+  const slow = rows.map(([time, ...posture]) => [Math.ceil(100 * time * factor - 1e-6) / 100, ...posture]);
+  if (slow.at(-1)[0] > LONGEST_S) return toast(`It would last ${slow.at(-1)[0].toFixed(1)} s, ${LONGEST_S} are the most: remove postures first.`);
+  remember();
+  here()[1] = dense ? atTicks(slow, dt) : slow;
+  teaching.key = 0;
+  return check().then(pose);
+}
+
+function atTicks(rows, dt) {
+  const n = Math.ceil(rows.at(-1)[0] / dt - 1e-6);
+  return Array.from({ length: n + 1 }, (_, tick) => {
+    const time = Math.min(tick * dt, rows.at(-1)[0]);
+    const next = Math.max(1, rows.findIndex((row) => row[0] >= time - 1e-9));
+    const [a, b] = [rows[next - 1], rows[next]];
+    const share = (time - a[0]) / (b[0] - a[0]);
+    return a.map((value, k) => (k ? value + share * (b[k] - value) : Math.round(100 * tick * dt) / 100));
+  });
+}
 
 function mirror() {
   const name = here()[0];
@@ -208,7 +247,9 @@ async function startBoxing() {
 
 function rename() {
   remember();
+  const before = here()[0];
   here()[0] = $("draft-name").value.trim().replaceAll(" ", "_");
+  if (teaching.told[before]) teaching.told[here()[0]] = teaching.told[before];
   check();
 }
 
@@ -246,16 +287,36 @@ function removeKey() {
   return check().then(pose);
 }
 
-// A recording becomes a demonstration: as many of its postures as a demonstration may have.
+// Each movement of a recording can become a demonstration, with a posture at every tick.
 async function receive(file) {
-  const read = await waiting(() => source.read("", file));
+  const read = await waiting(() => source.read("", file), $("import-recording"));
   if (!read) return;
-  const last = read.angles.length - 1;
-  const n = Math.min(24, read.angles.length);
-  const rows = Array.from({ length: n }, (_, k) => Math.round((k * last) / (n - 1))).map((tick) => [Math.round(100 * tick * read.dt) / 100, ...read.angles[tick]]);
-  const name = file.name.replace(/\.\w+$/, "").replace(/\W+/g, "_").replace(/^[^A-Za-z]+/, "") || "recording";
-  await add(name, rows);
-  toast(`${file.name} is a demonstration of ${n} postures now.${read.notes.length ? ` ${read.notes.join("; ")}.` : ""}`);
+  const stem = file.name.replace(/\.\w+$/, "").replace(/\W+/g, "_").replace(/^[^A-Za-z]+/, "") || "recording";
+  if (read.movements.length === 1) return teachRecorded(file.name, stem, read.movements[0], read.dt);
+  const choices = read.movements.map((movement) => {
+    const picture = thumbnail(telling(movement.angles));
+    const choose = button([...(picture ? [make("img", { src: picture, alt: "" })] : []), movement.name], async () => {
+      choose.disabled = true;
+      const name = /^(left|right) arm/.test(movement.name) ? movement.name.split(" ")[0] : stem;
+      if ((await teachRecorded(file.name, `${name}_${read.movements.indexOf(movement) + 1}`, movement, read.dt)) === null) choose.disabled = false;
+    }, { className: "key" });
+    return choose;
+  });
+  sheet(`${file.name}: ${read.movements.length} movements`, [
+    make("p", {}, "Choose those to teach; what each is called, you say."), make("div", { className: "found" }, choices),
+  ], [], () => {}, "Done");
+}
+
+async function teachRecorded(file, name, { angles, notes }, dt) {
+  const whole = angles.length;
+  const rows = angles.slice(0, Math.round(LONGEST_S / dt) + 1).map((row, tick) => [Math.round(100 * tick * dt) / 100, ...row]);
+  const cut = rows.length < whole ? [`the first ${LONGEST_S} s of ${((whole - 1) * dt).toFixed(1)}`] : [];
+  const told = [...cut, ...notes].join("; ");
+  const adding = add(name, rows, `From ${file}: ${told || "as it was recorded"}.`);
+  if (!adding) return null;
+  await adding;
+  toast(`${file} is a demonstration of ${rows.length} postures now.${told ? ` ${told}.` : ""}`);
+  return rows;
 }
 
 // ---- what is shown
@@ -270,6 +331,7 @@ async function check() {
   show();
   try {
     sessionStorage.setItem(KEPT, JSON.stringify(teaching.drafts));
+    sessionStorage.setItem(TOLD, JSON.stringify(teaching.told));
     teaching.checked = await source.send("keyframes", teaching.drafts);
     teaching.refused = "";
   } catch (error) {
@@ -306,15 +368,22 @@ function show() {
     if (document.activeElement !== input) input.value = keys()[key][1 + joint];
     input.figure();
   }
+  const fresh = teaching.fresh === here()[0];
   const fault = teaching.refused || checked?.faults[place] || checked?.shortcomings[0] || "";
   const advice = checked?.advice?.length && !fault ? ` Advice: ${checked.advice[0]}.` : "";
+  const words = fresh && !teaching.refused ? `${spoken(here()[0])} still stands: choose its second posture and pull the sliders.` : fault;
   fill($("teach-status"), {
-    textContent: fault || `${drafts.length} demonstrations, all fit to be taught.${advice}`, className: fault && teaching.touched ? "fault" : "",
+    textContent: words || `${drafts.length} demonstrations, all fit to be taught.${advice}`, className: fault && teaching.touched && !fresh ? "fault" : "",
   });
+  $("slower").hidden = teaching.refused || !(checked?.slowdowns[place] > 1);
+  fill($("told"), { textContent: teaching.told[here()[0]] ?? "" });
   $("teach-undo").disabled = !teaching.past.length;
   const busy = ["waiting", "learning"].includes(teaching.progress?.phase);
   $("train").disabled = busy || !!teaching.refused || !!checked?.shortcomings.length;
-  $("train").title = $("train").disabled && !busy ? fault : "";
+  fill($("train-help"), { textContent: $("train").disabled && !busy ? `First, in step 1: ${words}` : "" });
+  const ready = !!teaching.progress?.map && !busy;
+  fill($("explore-help"), { textContent: ready ? "" : busy ? "As soon as it has learned." : "First train it, in step 2." });
+  [true, !!teaching.progress, ready].forEach((reached, k) => $(`to-step-${k + 1}`).classList.toggle("reached", reached));
   if (checked?.movements[place]) $("draft-curves").innerHTML = draftSvg(teaching.joints, teaching.ranges, checked.movements[place]);
 }
 
@@ -399,6 +468,7 @@ async function trained({ phase, text, curve, epochs, map, names, distances, thre
   const busy = ["waiting", "learning"].includes(phase);
   fill($("training"), { textContent: text });
   $("loss").innerHTML = lossSvg(curve, epochs);
+  $("learning").hidden = false;
   $("teach-stop").hidden = !busy;
   $("go-on").hidden = busy || phase === "failed";
   for (const id of ["explore", "save"]) $(id).disabled = busy || !map;
@@ -409,9 +479,9 @@ async function trained({ phase, text, curve, epochs, map, names, distances, thre
     grown.memory = { pb: map.pb };
     grown.show(await Cells.from(map), null, "nearest", WHOLE);
   }
+  show();
   if (!distances) return;
   const back = distances.filter((distance) => distance <= threshold).length;
   $("result").textContent = `${back} of ${distances.length} demonstrations come back as they were shown${back < distances.length
     ? `; not yet: ${names.filter((_, k) => distances[k] > threshold).join(", ")}. ${$("condition").value === "auto" ? "Go on training, try another seed, or make them more different" : "Train with auto, or go on training"}` : ""}.`;
-  show();
 }
