@@ -96,21 +96,29 @@ def first_figure(suite: Suite, results: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of the page's first sentence and its bars: agents in the first environment, the best first."""
     entries = entries_of(results, suite.envs[0])
     ranked = [entry for entry in entries if entry["agent"] != "oracle"] or entries
-    best, *others = ranked
+    best = ranked[0]
     baseline = next((entry for entry in ranked if entry["agent"] == results["baseline"]), None)
     shown = ranked[:N_BARS]
     if baseline is not None and baseline not in shown:
         shown = [*shown[:-1], baseline]
-    low = best["reward"]["low"]
-    level = [agent_label(entry["agent"]) for entry in others if low is not None and entry["reward"]["high"] >= low]
-    full = max(max(entry["reward"]["mean"], entry["reward"]["high"] or 0.0) for entry in shown) or 1.0
+    full = max(entry["reward"][key] or 0.0 for entry in shown for key in ("mean", "high")) or 1.0
     bars = []
     for entry in shown:
         mean, low, high = (100.0 * (entry["reward"][key] or 0.0) / full for key in ("mean", "low", "high"))
         look = {"label": agent_label(entry["agent"]), "colour": agent_colour(entry["agent"])}
         bars.append({**look, "reward": entry["reward"], "mean": mean, "low": low, "high": high})
     values = {"env": env_label(suite.envs[0]), "n_agents": len(ranked), "best": best, "baseline": baseline}
-    return {**values, "level": level, "bars": bars, "label": agent_label}
+    return {**values, "level": [agent_label(agent) for agent in _level(ranked)], "bars": bars, "label": agent_label}
+
+
+def _level(ranked: Sequence[Row]) -> list[str]:
+    """Return the agents whose intervals reach that of the first; where seeds leave none, its mean stands for it."""
+    low = ranked[0]["reward"]["low"]
+    ends = [
+        (row["agent"], row["reward"]["mean"] if row["reward"]["high"] is None else row["reward"]["high"])
+        for row in ranked
+    ]
+    return [agent for agent, high in ends[1:] if low is not None and high >= low]
 
 
 def findings(suite: Suite, results: Mapping[str, Any], measured: Measured) -> dict[str, Any]:
@@ -138,14 +146,14 @@ def findings(suite: Suite, results: Mapping[str, Any], measured: Measured) -> di
 def _ranking(rows: Sequence[Row]) -> dict[str, Any]:
     """Return the agents by reward, those whose interval reaches the best one's, and who is more diverse."""
     ranked = sorted(rows, key=lambda row: -row["reward"]["mean"])
-    best, low = ranked[0], ranked[0]["reward"]["low"]
+    best = ranked[0]
     known = [row for row in ranked if row["diversity"] is not None]
     most = max(known, key=lambda row: row["diversity"]["mean"], default=best)
     return {
         "kind": "ranking",
         "rows": ranked,
         "best": best,
-        "level": [row["agent"] for row in ranked[1:] if low is not None and row["reward"]["high"] >= low],
+        "level": _level(ranked),
         "diverse": known if most is not best else [],
     }
 

@@ -277,6 +277,8 @@ def test_the_first_sentence_tells_what_seeds_leave_open_and_the_baseline_is_alwa
     assert [bar["label"] for bar in many["bars"]] == ["a8", "a7", "a6", "a5", "a4", "a0"]
     assert many["level"] == ["a7", "a6", "a5"]
     assert (many["n_agents"], many["bars"][0]["high"], many["bars"][0]["mean"]) == (9, 100.0, 100.0 * 8.0 / 9.5)
+    same = told((1.0, None, None), (2.0, None, None), (3.0, 1.5, 4.0))  # two agents that draw nothing
+    assert (same["level"], same["bars"][1]["high"]) == (["a1"], 0.0)
     nothing = told((0.0, None, None))
     assert (nothing["level"], nothing["bars"][0]["mean"]) == ([], 0.0)
 

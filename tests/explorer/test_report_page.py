@@ -1,8 +1,11 @@
 """The report of a run in a real browser: what the first screen holds, the phone, and axe-core."""
 
+from pathlib import Path
+
 import pytest
 from test_accessibility import violations
 
+from creative_nao.evaluation.paper.page import to_html
 from creative_nao.evaluation.run import evaluate
 from creative_nao.evaluation.runner import LocalExecutor
 from creative_nao.evaluation.suites import suite_from_values
@@ -54,3 +57,13 @@ def test_the_report_has_no_violation(visit, report, scheme, size):
     tab = visit((report / "report.html").as_uri(), color_scheme=scheme, size=size)
     tab("() => document.querySelectorAll('details').forEach((one) => { one.open = true })")
     assert violations(tab) == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_about_the_paper_is_as_readable(visit, tmp_path, scheme):
+    docs = Path(__file__).parents[2] / "docs"
+    (tmp_path / "report.html").write_text(to_html((docs / "reproduction.md").read_text(encoding="utf-8"), docs))
+    tab = visit((tmp_path / "report.html").as_uri(), color_scheme=scheme, size=(390, 844))
+    assert violations(tab) == []
+    assert tab("() => document.documentElement.scrollWidth") == 390
+    assert tab(SMALLEST) >= 16

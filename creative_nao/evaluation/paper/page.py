@@ -152,7 +152,10 @@ def to_html(markdown: str, images: Path) -> str:
                 del child.attrs["href"]  # files of the documentation are not beside a report
     body = parser.renderer.render(tokens, parser.options, {})
     body = body.replace("&lt;br&gt;", "<br>")
-    body = body.replace("<table>", '<div class="wide">\n<table>').replace("</table>", "</table>\n</div>")
+    body = body.replace("</table>", "</table>\n</div>").replace("<th></th>", "<td></td>")  # which heads nothing
+    first, *others = body.split("<table>")
+    frame = '<div class="wide" role="region" aria-label="Table {}" tabindex="0">\n<table>{}'
+    body = first + "".join(frame.format(place, text) for place, text in enumerate(others, 1))
     return render("paper.html.jinja", body=Markup(body))  # noqa: S704 - Markdown without HTML in it
 
 
