@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from creative_nao.agents import BundleHeader, load_agent, make_agent, save_bundle
-from creative_nao.agents.learned_map.agent import LearnedMapSettings, refined
+from creative_nao.agents.learned_map.agent import refined
 from creative_nao.agents.learned_map.episodes import SimulatedEpisode, random_warp
 from creative_nao.agents.learned_map.training import Simulator, SupervisedMap, judge, learning_rate, train_map
 from creative_nao.agents.learned_map.truth import (
@@ -301,11 +301,11 @@ def test_the_best_candidate_is_refined_and_improvement_is_what_is_expected_beyon
         return np.full(len(pb), 0.5), 2.0 - np.abs(pb - 0.6).sum(axis=1), np.full(len(pb), 0.1)
 
     candidates = spread_points(2, 16).astype(np.float32)
-    pb, value = refined(ask, candidates, LearnedMapSettings(16, 25))
+    pb, value = refined(ask, candidates, 25)
     assert len(pb) == len(value) == 16 + 25
     assert value.max() > value[:16].max()
     np.testing.assert_allclose(pb[value.argmax()], [0.6, 0.6], atol=0.17)
-    far, better = (refined(ask, candidates, LearnedMapSettings(16, 0), best)[1] for best in (5.0, 1.0))
+    far, better = (refined(ask, candidates, 0, best)[1] for best in (5.0, 1.0))
     assert far.max() < 1e-6
     distance = ask(candidates)[1].max()
     assert better.max() == pytest.approx(0.5 * (distance - 1.0), rel=0.1)

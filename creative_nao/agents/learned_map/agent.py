@@ -37,9 +37,7 @@ class LearnedMapSettings:
     """Part of the budget of imagining that is spread evenly before the first movement is performed."""
 
 
-def refined(
-    ask: Ask, candidates: np.ndarray, settings: LearnedMapSettings, best: float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
+def refined(ask: Ask, candidates: np.ndarray, n_refined: int, best: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Return candidates (n, n_pb), more points around the best of them, and the value of all.
 
     The value is the expected reward; with `best` above 0 it is what is expected beyond it, of a normal distribution.
@@ -55,9 +53,9 @@ def refined(
         return probability * distance
 
     values, n_pb = value(candidates), candidates.shape[1]
-    if not settings.n_refined:
+    if not n_refined:
         return candidates, values
-    gap = cell(len(candidates), n_pb) * spread_points(n_pb, settings.n_refined)
+    gap = cell(len(candidates), n_pb) * spread_points(n_pb, n_refined)
     around = np.clip(candidates[values.argmax()] + gap, -1.0, 1.0).astype(np.float32)
     return np.concatenate([candidates, around]), np.concatenate([values, value(around)])
 
@@ -114,7 +112,8 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
         shift = cell(len(spread), n_pb) * rng.uniform(-0.5, 0.5, spread.shape)
         best = 0.0 if (place := self.best()) is None else float(self._distances[place]) / self._unit
         candidates = np.clip(spread + shift, -1.0, 1.0).astype(np.float32)
-        pb, values = refined(self._map.expect(self._points, *self.rows()), candidates, self.settings, best)
+        n_refined = self.settings.n_refined if n == 1 else 0  # else all would lie around the best
+        pb, values = refined(self._map.expect(self._points, *self.rows()), candidates, n_refined, best)
         return pb[np.argsort(-values, kind="stable")[:n]].astype(np.float64)
 
     def rows(self) -> tuple[np.ndarray, np.ndarray]:

@@ -185,7 +185,7 @@ class AttentiveMap(nn.Module):
         for points, rows in zip(told["points"], told["tries"], strict=True):  # one by one: the same bits in any batch
             rows = rows[rows[:, 0] > 0.0]
             ask = self.expect(points.reshape(self.n_basic, -1), rows, np.ones(len(rows)))
-            pb, value = refined(ask, self.candidates, self.settings)
+            pb, value = refined(ask, self.candidates, self.settings.n_refined)
             value[(pb[:, None] == rows[:, 1 : 1 + pb.shape[1]]).all(-1).any(-1)] = -np.inf  # tried before
             place = value.argmax()
             if not deterministic:
