@@ -44,6 +44,7 @@ MENTAL, PHYSICAL = "CreativeNao/BoxingMental-v0", "CreativeNao/Boxing-v0"
 MODULATION = "CreativeNao/BoxingModulation-v0"
 REFUSALS = ("joint_limit", "torque_saturated", "tracking_error", "self_collision", "fell")
 """Outcomes by which physics refuses an action that was usable as imagined."""
+LEARNED = "learned_map/BoxingMental-v1"
 FRONTIER_PICTURE = "images/frontier.png"
 N_SHOWN = 3
 """Agents whose figures are told memory by memory."""
@@ -281,10 +282,12 @@ CLAIMS = (
 
 
 STEPS = (
-    ("lattice@1", "spread@1"), ("spread@1", "spread_points@1"), ("spread_points@1", "surrogate@1"),
-    ("spread_points@2", "surrogate@2"), ("random@8", "plan@8"),
+    ("lattice", "spread"), ("spread", "spread_points"), ("spread_points", "surrogate"), ("surrogate", LEARNED),
+    ("random", "plan"), ("plan", LEARNED), ("random", LEARNED),
 )  # fmt: skip
-"""Pairs of agents of which the second is expected to earn more."""
+"""Pairs of agents of which the second is expected to earn more, with each number of movements looked at."""
+TOLD_APART = 3.0
+"""Standard errors of a difference from which on two agents are called told apart."""
 
 
 def _frontier(results: Results) -> dict[str, Any]:
@@ -310,24 +313,37 @@ def _frontier(results: Results) -> dict[str, Any]:
         "curve": curve,
         "lines": lines,
         "oracle": curve[1]["regret"] + curve[1]["reward"]["mean"],
-        "steps": _steps(results),
+        "steps": _steps(results, numbers),
         "best": {k: max((e for line in lines for e in line["found"] if e and e["n_candidates"] == k),
                         key=lambda entry: entry["reward"]["mean"], default=None) for k in numbers},
     }  # fmt: skip
 
 
-def _steps(results: Results) -> list[dict[str, Any]]:
-    """Return the differences in mean reward between the pairs of `STEPS`, in standard errors too."""
+def _steps(results: Results, numbers: Sequence[int]) -> list[dict[str, Any]]:
+    """Return the differences in mean reward between the pairs of `STEPS` at each number, in standard errors too."""
     rewards: dict[str, list[list[float]]] = {}
     for row in results["rows"]:
         rewards.setdefault(row["agent"], []).append([*row["reward_per_seed"].values()])
-    found = []
+    steps = []
     for before, after in STEPS:
-        if before in rewards and after in rewards:
-            means, errors = zip(*(_mean_and_error(np.array(rewards[name])) for name in (before, after)), strict=True)
-            gap, error = means[1] - means[0], math.hypot(*errors)
-            found.append({"before": before, "after": after, "gap": gap, "n_errors": gap / error})
-    return found
+        found = [_difference(rewards.get(f"{before}@{k}"), rewards.get(f"{after}@{k}")) for k in numbers]
+        if any(found):
+            names = before.partition("/")[0], after.partition("/")[0]
+            close = [k for k, one in zip(numbers, found, strict=True) if one and one["n_errors"] < TOLD_APART]
+            steps.append({"before": names[0], "after": names[1], "found": found, "close": close})
+    return steps
+
+
+def _difference(before: Any, after: Any) -> dict[str, float] | None:
+    """Return by how much the second agent earns more, and how many standard errors that is; None where one is missing.
+
+    The rewards have shape (memories, seeds). Of a difference without any error, the number of errors is infinite.
+    """
+    if before is None or after is None:
+        return None
+    (low, error), (high, other) = (_mean_and_error(np.array(values)) for values in (before, after))
+    both = math.hypot(error, other)
+    return {"gap": high - low, "n_errors": (high - low) / both if both else math.copysign(math.inf, high - low)}
 
 
 def _mean_and_error(values: np.ndarray) -> tuple[float, float]:

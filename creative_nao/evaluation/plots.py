@@ -26,7 +26,7 @@ AGENTS = {
     "bayesian": "#332288", "sac": "#117733", "td3": "#999933", "tqc": "#6699CC", "crossq": "#661100",
     "recurrent_ppo": "#88CCEE", "lattice": "#888888", "spread": "#B8860B", "spread_points": "#CC6677",
     "surrogate": "#AA4499", "plan": BLUE, "imagine": ORANGE, "imagine_with_body": GREEN,
-    "plan_with_sense": "#332288", "plan_with_body": "#117733",
+    "plan_with_sense": "#332288", "plan_with_body": "#117733", "learned_map": "#C2003A",
 }  # fmt: skip
 OTHERS = ("#CC6677", "#44AA99", "#332288", "#999933", "#AA4499", "#661100")
 SHAPES = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")

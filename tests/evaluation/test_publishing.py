@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from publish_results import MENTAL, publish, read_published, result_page
+from publish_results import LEARNED, MENTAL, _steps, publish, read_published, result_page
 
 from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.evaluation.leaderboard import leaderboard
@@ -159,6 +159,24 @@ def test_a_result_file_holds_to_the_bit_and_only_what_is_asked_is_played(finishe
     assert found.exact
     assert [(check.agent, check.seed) for check in found.checks] == [("supervised", 0), ("ppo", 1)]
     assert all(check.found == check.published for check in found.checks)
+
+
+def test_the_steps_from_rule_to_rule_to_learned_map_are_told_in_standard_errors():
+    rewards = {
+        "surrogate@1": [[10.0, 12.0], [13.0, 13.0]], f"{LEARNED}@1": [[13.0, 15.0], [16.0, 16.0]],
+        "surrogate@2": [[10.0, 14.0], [13.0, 13.0]], f"{LEARNED}@2": [[11.0, 15.0], [13.0, 13.0]],
+        "plan@2": [[13.0, 13.0], [12.0, 12.0]], f"{LEARNED}@4": [[1.0, 2.0], [3.0, 4.0]],
+    }  # fmt: skip
+    rows = [{"agent": name, "reward_per_seed": {"0": a, "1": b}} for name, of in rewards.items() for a, b in of]
+    from_surrogate, from_plan = _steps({"rows": rows}, [1, 2, 4])
+    assert (from_surrogate["before"], from_surrogate["after"]) == ("surrogate", "learned_map")
+    one, two, none = from_surrogate["found"]
+    assert one == {"gap": 3.0, "n_errors": pytest.approx(3.0 / (2 * 0.5**2) ** 0.5)}  # of a mean of two memories
+    assert two["gap"] == 0.5
+    assert none is None  # nobody to compare with
+    assert from_surrogate["close"] == [2]
+    assert from_plan["found"][1]["gap"] == 0.5
+    assert from_plan["before"] == "plan"
 
 
 class Stored:
