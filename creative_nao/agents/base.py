@@ -377,12 +377,7 @@ class PolicyAgent(Agent):
     name: ClassVar[str] = "policy"
 
     def __init__(
-        self,
-        policy: Policy,
-        *,
-        deterministic: bool | None = None,
-        name: str | None = None,
-        track: str | None = None,
+        self, policy: Policy, *, deterministic: bool | None = None, name: str | None = None, track: str | None = None
     ):
         if not callable(getattr(policy, "predict", None)):
             raise SettingsError(f"`policy` should have a method `predict`, but is {shown(policy)}")
@@ -390,8 +385,7 @@ class PolicyAgent(Agent):
         judged = getattr(policy, "judged_deterministic", True)
         self.deterministic = bool(judged) if deterministic is None else deterministic
         self.track = as_track(getattr(policy, "track", Track.OUTCOMES) if track is None else track, "`track`")
-        if name is not None:
-            self.name = name  # pyright: ignore[reportAttributeAccessIssue]
+        self.name = self.name if name is None else name  # pyright: ignore[reportAttributeAccessIssue]
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.policy!r}) named `{self.name}`, plays {self.way}"
@@ -405,6 +399,12 @@ class PolicyAgent(Agent):
         """Forget the policy's state of the episode before."""
         self._state: Any = None
         self._first = True
+
+    def look_ahead(self, observation: np.ndarray, n: int) -> list[tuple[np.ndarray, Info]]:
+        """Propose the action that it would take, and then drawn ones, since its most likely one stays the same."""
+        taken, judged, self.deterministic = super().look_ahead(observation, 1), self.deterministic, False
+        drawn, self.deterministic = super().look_ahead(observation, n - 1), judged
+        return [*taken, *drawn]
 
     def choose(self, observation: np.ndarray) -> np.ndarray:
         """Return the policy's action, shape (2,)."""

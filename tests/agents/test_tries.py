@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from creative_nao.agents import PolicyAgent, TryPolicy, TrySACPolicy
+from creative_nao.agents import PolicyAgent, TryPolicy, TrySACPolicy, rehearse
 from creative_nao.agents.cells import CellDistribution, cells_at
 from creative_nao.agents.play import play_episode, told_track
 from creative_nao.agents.settings import AUGMENTATION, TRY_POLICY, TRY_SAC_POLICY, check_entry
@@ -106,6 +106,17 @@ def test_before_training_every_point_is_as_likely_and_one_in_eight_is_committed(
     assert len(steps) == steps[-1].n_imagined <= 6
     with pytest.raises(SettingsError, match="TrySACPolicy chooses points and no commits"):
         TrySACPolicy(env.observation_space, env.action_space, lambda _: 1e-3)
+
+
+def test_a_policy_that_imagines_draws_all_but_its_first_proposal():
+    env = gym.make(MENTAL, memory="half/0", n_imagined=120)
+    policy = TryPolicy(env.observation_space, env.action_space, lambda _: 1e-3, width=8, resolution=4)
+    agent = rehearse(PolicyAgent(policy, deterministic=True, track=Track.TRAJECTORIES), 4)
+    proposed, imagine = [], env.unwrapped.imagine
+    env.unwrapped.imagine = lambda pb: (proposed.append(pb[0].tobytes()), imagine(pb))[1]
+    next(play_episode(agent, env, seed=0, rng=np.random.default_rng(0)))
+    assert len(set(proposed)) == len(proposed) == 4
+    assert agent.agent.deterministic
 
 
 def test_what_an_environment_tells_follows_from_its_name_and_settings():
