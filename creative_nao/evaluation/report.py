@@ -24,7 +24,6 @@ from creative_nao.errors import MissingDependencyError, NotFoundError
 from creative_nao.evaluation import pages, plots
 from creative_nao.evaluation.pages import env_label
 from creative_nao.evaluation.plots import agent_colour, agent_label
-from creative_nao.evaluation.protocol import ActionRecord
 from creative_nao.evaluation.results import Measured, Row, entries_of, verdict
 from creative_nao.evaluation.suites import Suite, actions_before, slug, trained_here
 from creative_nao.joints import JOINTS
@@ -42,8 +41,8 @@ FEW = 3
 """Most agents whose maps are drawn large, two in a row; more stand three in a row."""
 N_BARS = 6
 """Most agents in the page's first figure."""
-N_ROWS = 4
-"""Finds that are shown: those that earned most."""
+N_FINDS = 4
+"""Finds that are shown: those that earned most; the first at the head of the page."""
 N_POSES, N_TICKS = 8, 20
 """Poses that are drawn of a movement, and the ticks they are chosen from: after its first punch it repeats itself."""
 SIZE_PX = (170, 190)
@@ -96,29 +95,21 @@ def first_figure(suite: Suite, results: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of the page's first sentence and its bars: agents in the first environment, the best first."""
     entries = entries_of(results, suite.envs[0])
     ranked = [entry for entry in entries if entry["agent"] != "oracle"] or entries
-    best = ranked[0]
     baseline = next((entry for entry in ranked if entry["agent"] == results["baseline"]), None)
     shown = ranked[:N_BARS]
     if baseline is not None and baseline not in shown:
         shown = [*shown[:-1], baseline]
     full = max(entry["reward"][key] or 0.0 for entry in shown for key in ("mean", "high")) or 1.0
-    bars = []
-    for entry in shown:
-        mean, low, high = (100.0 * (entry["reward"][key] or 0.0) / full for key in ("mean", "low", "high"))
-        look = {"label": agent_label(entry["agent"]), "colour": agent_colour(entry["agent"])}
-        bars.append({**look, "reward": entry["reward"], "mean": mean, "low": low, "high": high})
-    values = {"env": env_label(suite.envs[0]), "n_agents": len(ranked), "best": best, "baseline": baseline}
-    return {**values, "level": [agent_label(agent) for agent in _level(ranked)], "bars": bars, "label": agent_label}
+    look = {"label": agent_label, "colour": agent_colour, "level": list(map(agent_label, _level(ranked)))}
+    values = {"env": env_label(suite.envs[0]), "n_agents": len(ranked), "shown": shown, "full": full}
+    return {**values, **look, "best": ranked[0], "baseline": baseline}
 
 
 def _level(ranked: Sequence[Row]) -> list[str]:
     """Return the agents whose intervals reach that of the first; where seeds leave none, its mean stands for it."""
     low = ranked[0]["reward"]["low"]
-    ends = [
-        (row["agent"], row["reward"]["mean"] if row["reward"]["high"] is None else row["reward"]["high"])
-        for row in ranked
-    ]
-    return [agent for agent, high in ends[1:] if low is not None and high >= low]
+    reaching = (row["agent"] for row in ranked[1:] if (row["reward"]["high"] or row["reward"]["mean"]) >= (low or 0.0))
+    return [] if low is None else list(reaching)
 
 
 def findings(suite: Suite, results: Mapping[str, Any], measured: Measured) -> dict[str, Any]:
@@ -149,13 +140,8 @@ def _ranking(rows: Sequence[Row]) -> dict[str, Any]:
     best = ranked[0]
     known = [row for row in ranked if row["diversity"] is not None]
     most = max(known, key=lambda row: row["diversity"]["mean"], default=best)
-    return {
-        "kind": "ranking",
-        "rows": ranked,
-        "best": best,
-        "level": _level(ranked),
-        "diverse": known if most is not best else [],
-    }
+    told = {"best": best, "level": _level(ranked), "diverse": known if most is not best else []}
+    return {"kind": "ranking", "rows": ranked, **told}
 
 
 def _physics(suite: Suite, measured: Measured, memory: str) -> list[dict[str, Any]]:
@@ -198,17 +184,13 @@ def draw_figures(
     """
     found = []
     several = len(suite.memories) > 1
-    if len(suite.agents) > MANY:  # curves and memories show each agent once, as it imagines most
-        few = tuple({split_name(agent)[0]: agent for agent in suite.agents}.values())
-        one_by_one = dataclasses.replace(suite, agents=few)
-    else:
-        one_by_one = suite
+    # Of many agents, curves and memories show each once, as it imagines most.
+    few = tuple({split_name(agent)[0]: agent for agent in suite.agents}.values())
+    one_by_one = dataclasses.replace(suite, agents=few) if len(suite.agents) > MANY else suite
     with styled():
         for memory in (None, *maps) if several else maps:
-            if memory is None:
-                drawn = _draw_overall(one_by_one, results, measured)
-            else:
-                drawn = _draw(one_by_one, results, measured, memory, maps[memory])
+            shown = (one_by_one, results, measured)
+            drawn = _draw_overall(*shown) if memory is None else _draw(*shown, memory, maps[memory])
             for name, picture in drawn.items():
                 file = f"{name}-{slug(memory)}.png" if several and memory is not None else f"{name}.png"
                 path = save(picture, folder / "figures" / file)
@@ -250,7 +232,7 @@ def _draw(
 
 
 def _draw_finds(folder: Path, suite: Suite, results: dict[str, Any], measured: Measured) -> list[dict[str, Any]]:
-    """Draw what the best agent found on the first memory: one find for the head of the page, some for its end.
+    """Draw what the best agent found on the first memory, what earned most first, each as a sheet of poses.
 
     Nothing where it found nothing, where this machine cannot draw the robot or the memory is another robot's.
     """
@@ -265,47 +247,23 @@ def _draw_finds(folder: Path, suite: Suite, results: dict[str, Any], measured: M
     rows = [row for row in results["rows"] if (row["env"], row["memory"]) == (env, memory)]
     agent = max(rows, key=lambda row: row["reward"]["mean"])["agent"]
     usable = [action for action in measured.of(memory, env, agent)[0].actions if action.appropriate]
-    best = sorted(usable, key=lambda action: -action.reward)[:N_ROWS]
+    best = sorted(usable, key=lambda action: -action.reward)[:N_FINDS]
     if not best or tuple(searched.demonstrations.joints) != tuple(JOINTS):
         return []
-    moves = searched.generate(np.array([action.pb for action in best]))
-    try:
-        shown = [_poses(move, float(searched.demonstrations.dt_s)) for move in moves]
-    except MissingDependencyError:
-        return []
-    figures, ending = folder / "figures", f"-{slug(memory)}" if len(suite.memories) > 1 else ""
-    sheet, half = io.BytesIO(), N_POSES // 2
-    Image.fromarray(np.concatenate([_strip(shown[0][:half]), _strip(shown[0][half:])])).save(sheet, format="PNG")
-    save_small(sheet, figures / "find.png")
-    film = save(_film(agent_label(agent), best, shown), figures / f"film{ending}.png")
-    told = {"agent": agent_label(agent), "action": best[0]}
-    return [
-        {"name": "find", "memory": None, "path": figures / "find.png", **told},
-        {"name": "film", "memory": memory, "path": film},
-    ]
-
-
-def _film(agent: str, actions: Sequence[ActionRecord], shown: Sequence[Sequence[np.ndarray]]) -> Figure:
-    drawn, axes = figure(8.6, 1.42 * len(actions) + 0.3, len(actions), 1)
-    for ax, images, action in zip(axes, shown, actions, strict=True):
-        ax.imshow(_strip(images), interpolation="lanczos")
-        ax.set_title(
-            f"action {action.step} of {agent}: reward {action.reward:.2f}, most like "
-            f"{action.nearest.replace('_', ' ')}, {action.distance:.0f} rad from it",
-            fontsize=9.0,
-            fontweight="normal",
-        )
-        ax.set_axis_off()
+    drawn = []
+    for place, (move, action) in enumerate(zip(searched.generate([a.pb for a in best]), best, strict=True), 1):
+        sheet, path = io.BytesIO(), folder / "figures" / f"find-{place}.png"
+        try:
+            Image.fromarray(_poses(move, float(searched.demonstrations.dt_s))).save(sheet, format="PNG")
+        except MissingDependencyError:
+            return []
+        save_small(sheet, path)
+        drawn.append({"name": "find", "memory": None, "path": path, "agent": agent_label(agent), "action": action})
     return drawn
 
 
-def _strip(images: Sequence[np.ndarray]) -> np.ndarray:
-    """Return pictures side by side, each with a white line around it, uint8 of shape (height, width, 3)."""
-    return np.concatenate([np.pad(image, ((2, 2), (2, 2), (0, 0)), constant_values=255) for image in images], axis=1)
-
-
-def _poses(move: np.ndarray, dt_s: float) -> list[np.ndarray]:
-    """Return pictures of a movement's first pose and of those that differ most from it and each other, in order."""
+def _poses(move: np.ndarray, dt_s: float) -> np.ndarray:
+    """Return two rows of pictures, uint8: a movement's first pose and those that differ most, in order of time."""
     from creative_nao.robot.film import imagined_frames, pictures  # loads MuJoCo
 
     begun = move[:N_TICKS]
@@ -314,7 +272,10 @@ def _poses(move: np.ndarray, dt_s: float) -> list[np.ndarray]:
     while len(ticks) < min(N_POSES, len(begun)):
         ticks.append(int(apart[ticks].min(axis=0).argmax()))
     frames = imagined_frames(_scene(), move, dt_s, frame_dt_s=dt_s)[sorted(ticks)]
-    return pictures(_scene(), frames, camera=CAMERA, width=SIZE_PX[0], height=SIZE_PX[1])
+    images = np.stack(pictures(_scene(), frames, camera=CAMERA, width=SIZE_PX[0], height=SIZE_PX[1]))
+    framed = np.pad(images, ((0, N_POSES - len(images)), (2, 2), (2, 2), (0, 0)), constant_values=255)
+    rows = framed.reshape(2, -1, *framed.shape[1:]).transpose(0, 2, 1, 3, 4)  # row, height, picture, width, colour
+    return rows.reshape(2 * framed.shape[1], -1, 3)
 
 
 @functools.cache

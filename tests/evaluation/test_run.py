@@ -274,19 +274,19 @@ def test_the_first_sentence_tells_what_seeds_leave_open_and_the_baseline_is_alwa
         return report.first_figure(make_suite(), {"summary": summary, "baseline": "a0"})
 
     many = told(*((float(place), place - 1.5, place + 1.5) for place in range(9)))
-    assert [bar["label"] for bar in many["bars"]] == ["a8", "a7", "a6", "a5", "a4", "a0"]
-    assert many["level"] == ["a7", "a6", "a5"]
-    assert (many["n_agents"], many["bars"][0]["high"], many["bars"][0]["mean"]) == (9, 100.0, 100.0 * 8.0 / 9.5)
+    assert [entry["agent"] for entry in many["shown"]] == ["a8", "a7", "a6", "a5", "a4", "a0"]
+    assert (many["level"], many["n_agents"], many["full"]) == (["a7", "a6", "a5"], 9, 9.5)
     same = told((1.0, None, None), (2.0, None, None), (3.0, 1.5, 4.0))  # two agents that draw nothing
-    assert (same["level"], same["bars"][1]["high"]) == (["a1"], 0.0)
+    assert (same["level"], same["full"]) == (["a1"], 4.0)
     nothing = told((0.0, None, None))
-    assert (nothing["level"], nothing["bars"][0]["mean"]) == ([], 0.0)
+    assert (nothing["level"], nothing["full"]) == ([], 1.0)
 
 
 def test_the_report_shows_a_find_as_poses_of_the_robot(finished, make_suite, tmp_path, monkeypatch):
     monkeypatch.setattr(report, "load_memory", lambda _: load_memory("half/0"))
-    monkeypatch.setattr(report, "N_ROWS", 1)
-    find, _ = found = report._draw_finds(tmp_path, make_suite(), finished.results, finished.measured)
+    monkeypatch.setattr(report, "N_FINDS", 1)
+    monkeypatch.setattr(report, "SIZE_PX", (68, 76))
+    (find,) = found = report._draw_finds(tmp_path, make_suite(), finished.results, finished.measured)
     usable = [a.reward for a in finished.measured.of("fake/0", make_suite().envs[0], find["agent"])[0].actions]
     assert find["action"].reward == max(usable)
     monkeypatch.setattr(report, "draw_figures", lambda *_: found)

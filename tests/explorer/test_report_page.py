@@ -24,15 +24,15 @@ SMALLEST = """() => Math.min(...[...document.querySelectorAll("main *")]
 @pytest.fixture(scope="module", params=[["half/10"], ["half/10", "open/10"]], ids=["one memory", "two memories"])
 def report(request, tmp_path_factory):
     values = {"name": "small", "agents": ["supervised", "random", "spread", "plan"], "memories": request.param}
-    values |= {"envs": ["CreativeNao/BoxingMental-v0"], "n_seeds": 2, "n_actions": 6}
-    suite = suite_from_values({**values, "resolution": 20}, where="here")
+    values |= {"envs": ["CreativeNao/BoxingMental-v0"], "n_seeds": 2, "n_actions": 6, "seeds_per_job": 2}
+    suite = suite_from_values({**values, "resolution": 20, "memories_per_job": 2}, where="here")
     folder = tmp_path_factory.mktemp("run") / "small"
     return evaluate(suite, folder, executor=LocalExecutor(1), command="creative-nao evaluate small").folder
 
 
 def test_the_first_screen_holds_the_sentence_the_rewards_and_a_movement(visit, report):
     tab = visit((report / "report.html").as_uri())
-    for part in (".lead", ".bars", ".bars li", ".find img"):
+    for part in (".lead", ".bars", ".bars li", ".lead + .first .find img"):
         inside = tab(INSIDE, part)
         assert inside, part
         assert all(inside), part
