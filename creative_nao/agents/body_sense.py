@@ -10,6 +10,7 @@ refuses nearly all movements that it refuses, in units of their limits, and from
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 import os
@@ -32,36 +33,37 @@ from creative_nao.model import Memory, load_memory
 from creative_nao.robot import PhysicalLimits, first_failure
 from creative_nao.robot.performance import PHYSICAL_FAILURES
 from creative_nao.runtime import record as provenance
-from creative_nao.schema import Count, Index, JsonObject, LongText, NonNegative, Positive, dump, parse, record
+from creative_nao.schema import Count, Index, JsonObject, LongText, dump, parse, record
 
 KIND, PERFORMED_KIND = "body sense", "performed movements"
 SHIPPED = Path(__file__).parent / "pretrained" / "body_sense.safetensors"
-_DEFAULT = PhysicalLimits()
+LIMITS = PhysicalLimits()
 FIGURES: dict[str, float] = {
-    "self_collision": _DEFAULT.self_collision_share, "torque_saturated": _DEFAULT.torque_saturated_share,
-    "tracking_error": _DEFAULT.tracking_error_rad,
+    "self_collision": LIMITS.self_collision_share, "torque_saturated": LIMITS.torque_saturated_share,
+    "tracking_error": LIMITS.tracking_error_rad,
 }  # fmt: skip
 """What is predicted, `physical_map.FIGURES` explains it, and the limit beyond which the body has refused."""
-_MIRRORED = np.array([4, 5, 6, 7, 0, 1, 2, 3])
-_SIGN = np.tile(MIRROR_SIGN, 2)
+N_ROUNDS, N_IMAGINED = 5, 1920  # how many times the most novel movements are chosen, and among how many
+N_FEATURES = 28
+_MIRRORED, _SIGN = np.array([4, 5, 6, 7, 0, 1, 2, 3]), np.tile(MIRROR_SIGN, 2)
 _ARRAYS = ("centre", "spread", "w0", "b0", "w1", "b1", "w2", "b2", "steepness", "edge")
-_MOST = 1.0 - 1e-6
+_BATCH, _LEARNING_RATE, _WEIGHT_DECAY = 128, 3e-3, 1e-2
 
 
 @record
-class MovementSettings:
-    """Which movements of each memory are performed: usable ones, drawn uniformly and chosen for their novelty."""
+class SenseSettings:
+    """Which usable movements of each memory are performed, and how the network learns from them."""
 
     n_uniform: Index = 100
-    """Drawn uniformly."""
-    n_rounds: Index = 5
-    """How many times the most novel ones are chosen, each time among others."""
-    n_imagined: Count = 1920
-    """Points drawn in a round."""
+    """Movements of a memory that are drawn uniformly."""
     n_novel: Count = 30
-    """Chosen of them in a round, each the farthest from the basic actions and those before it."""
+    """The most novel of 1,920, each the farthest from the basic actions and those before it, are taken five times."""
+    n_hidden: Count = 64
+    """Units of each of the network's two hidden layers."""
+    n_epochs: Count = 40
+    """Passes over all movements and their mirror images; the one with the lowest log loss on validation is kept."""
     seed: Index = 0
-    """Seed of the points."""
+    """Seed of points, weights and order."""
 
 
 @record
@@ -69,17 +71,29 @@ class _MovementHeader:
     """What the file of a memory's performed movements says beside its arrays."""
 
     memory: LongText
-    settings: MovementSettings
     dt_s: float
+    n_uniform: Index
+    n_novel: Index
+    seed: Index
     record: JsonObject
 
 
-def chosen_points(memory: Memory, settings: MovementSettings) -> tuple[np.ndarray, np.ndarray]:
+@record
+class SenseHeader:
+    """How a body sense was made: memories whose movements taught it, and figures of `train_sense` on validation."""
+
+    settings: SenseSettings
+    memories: tuple[LongText, ...]
+    validation: JsonObject
+    record: JsonObject
+
+
+def chosen_points(memory: Memory, settings: SenseSettings) -> tuple[np.ndarray, np.ndarray]:
     """Return the PB points (n, n_pb) of the movements that are performed, and those movements (n, n_steps, 8) [rad]."""
     rng = np.random.default_rng([settings.seed, zlib.crc32(memory.name.encode())])
     points, moves = [], []
-    for k in range(settings.n_rounds + 1):
-        drawn = rng.uniform(-1.0, 1.0, (settings.n_imagined, memory.network.n_pb)).astype(np.float32).astype(float)
+    for k in range(N_ROUNDS + 1):
+        drawn = rng.uniform(-1.0, 1.0, (N_IMAGINED, memory.network.n_pb)).astype(np.float32).astype(float)
         generated = memory.generate(drawn)
         usable = score(generated, memory.demonstrations).appropriate
         if k == 0:
@@ -92,32 +106,21 @@ def chosen_points(memory: Memory, settings: MovementSettings) -> tuple[np.ndarra
 
 
 def perform_movements(
-    folder: str | os.PathLike[str],
-    memories: Sequence[str],
-    settings: MovementSettings | None = None,
-    *,
-    n_threads: int | None = None,
-    progress: Callable[[int], None] | None = None,
-) -> None:
-    """Let the robot perform movements of memories and write a file for each into `folder`; those there are kept.
+    folder: Path, memories: Sequence[str], settings: SenseSettings, *, n_threads: int | None = None,
+    progress: Callable[[int], object] = lambda _: None,
+) -> None:  # fmt: skip
+    """Let the robot perform movements of memories, a file of each, as half-0.safetensors, in `folder`.
 
-    Args:
-        folder: Where the files are, or will be: ``half-0.safetensors`` of the memory half/0.
-        memories: Names of memories with the eight arm joints.
-        settings: Which movements; 250 of a memory take about 14 s of a core.
-        n_threads: Movements performed at the same time; default: one a core.
-        progress: Called with the number of memories that are done.
+    Files that are there are kept. 250 movements take 14 s of a core; `progress` hears how many memories are done.
 
     Raises:
         FileFormatError: If a file that is there was made with other settings, or is damaged.
         SettingsError: If a memory has other joints.
     """
-    settings = MovementSettings() if settings is None else settings
     with closing(ThreadPool(n_threads)) as threads:
         pool = PhysicsPool(threads, SharedScene(bare=True))
         for n_done, name in enumerate(memories):
-            if progress is not None:
-                progress(n_done)
+            progress(n_done)
             if (path := _file_of(folder, name)).exists():
                 _read(path, name, settings)
                 continue
@@ -126,9 +129,10 @@ def perform_movements(
                 raise SettingsError(f"memory `{name}` should have the joints {', '.join(JOINTS)}, but has others")
             points, moves = chosen_points(memory, settings)
             performances = [one for one, _ in pool.perform(moves, [memory.dt_s] * len(moves))]
-            faults = [first_failure(one, PhysicalLimits()) for one in performances]
+            faults = [first_failure(one, LIMITS) for one in performances]
             figures = [physics_figures(one) for one in performances]
-            header = _MovementHeader(name, settings, memory.dt_s, provenance(settings=dump(settings)))
+            chosen = (settings.n_uniform, settings.n_novel, settings.seed)
+            header = _MovementHeader(name, memory.dt_s, *chosen, provenance(settings=dump(settings)))
             arrays = {
                 "pb": points,
                 "trajectory": moves.astype(np.float32),
@@ -136,68 +140,30 @@ def perform_movements(
                 **{figure: np.array([one[figure] for one in figures], np.float32) for figure in FIGURES},
             }
             save_tensors(path, kind=PERFORMED_KIND, header=dump(header), tensors=arrays)
-    if progress is not None:
-        progress(len(memories))
+    progress(len(memories))
 
 
-def _file_of(folder: str | os.PathLike[str], memory: str) -> Path:
-    return Path(folder) / f"{memory.replace('/', '-')}.safetensors"
+def _file_of(folder: Path, memory: str) -> Path:
+    return folder / f"{memory.replace('/', '-')}.safetensors"
 
 
-def _read(path: Path, memory: str, settings: MovementSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Return movements (n, n_steps, 8), codes of their faults (n,), 0 for none, their figures (n, 3), and the tick."""
+def _read(path: Path, memory: str, settings: SenseSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return movements (n, n_steps, 8), refusals (n,) and `FIGURES` in their limits (n, 3), float32, and the tick."""
     values, arrays = load_tensors(path, kind=PERFORMED_KIND)
     header = parse(_MovementHeader, values, f"{path}: header")
-    if (header.memory, header.settings) != (memory, settings):
-        raise FileFormatError(
-            f"{path}: holds movements of {header.memory} with {header.settings}, not of {memory} with {settings}"
-        )
+    made = (header.memory, header.n_uniform, header.n_novel, header.seed)
+    if made != (wanted := (memory, settings.n_uniform, settings.n_novel, settings.seed)):
+        raise FileFormatError(f"{path}: memory, n_uniform, n_novel and seed should be {wanted}, but are {made}")
     only_arrays(path, arrays, ("pb", "trajectory", "fault", *FIGURES))
     moves = take(path, arrays, "trajectory", (None, None, len(JOINTS)), least=-10.0, most=10.0)
     n = len(moves)
     fault = take(path, arrays, "fault", (n,), kinds="i", least=0, most=len(PHYSICAL_FAILURES))
-    figures = np.stack([take(path, arrays, name, (n,), least=0.0, most=100.0) for name in FIGURES], axis=1)
-    return moves, fault, figures, header.dt_s
-
-
-@record
-class SenseSettings:
-    """How the network learns. The epoch with the lowest log loss on the validation movements is kept."""
-
-    n_hidden: Count = 64
-    """Units of each of its two hidden layers."""
-    n_epochs: Count = 40
-    """Passes over all movements and their mirror images."""
-    batch_size: Count = 128
-    """Movements of a step."""
-    learning_rate: Positive = 3e-3
-    """Largest step size of AdamW; it rises first and falls to zero (one cycle)."""
-    weight_decay: NonNegative = 1e-2
-    """Of AdamW."""
-    seed: Index = 0
-    """Seed of weights and order."""
-
-
-@record
-class SenseHeader:
-    """What the file of a body sense says beside its weights."""
-
-    settings: SenseSettings
-    movements: MovementSettings
-    memories: tuple[LongText, ...]
-    """Memories whose movements taught it."""
-    validation: JsonObject
-    """Figures on the validation memories: see `train_sense`."""
-    record: JsonObject
+    ratios = [take(path, arrays, name, (n,), least=0.0, most=100.0) / limit for name, limit in FIGURES.items()]
+    return moves, (fault > 0).astype(np.float32), np.stack(ratios, axis=1).astype(np.float32), header.dt_s
 
 
 class BodySense:
-    """Predicts from imagined movements of the eight arm joints whether the body refuses them.
-
-    Attributes:
-        header: How it was made and how well it predicts.
-        arrays: The weights, float32, by name.
-    """
+    """Predicts from imagined movements whether the body refuses them: `header` and weights (`arrays`, float32)."""
 
     def __init__(self, header: SenseHeader, arrays: dict[str, np.ndarray]):
         self.header, self.arrays = header, arrays
@@ -213,8 +179,7 @@ class BodySense:
     def refusal(self, moves: np.ndarray, dt_s: float) -> np.ndarray:
         """Return the probability that the body refuses movements (n, n_steps, 8) [rad], (n,), below 1."""
         logit = self.arrays["steepness"] * (self.figures(moves, dt_s) - self.arrays["edge"])
-        accepted = np.exp(-np.logaddexp(0.0, logit.astype(np.float64)).sum(axis=1))
-        return np.minimum(1.0 - accepted, _MOST)
+        return np.minimum(1.0 - np.exp(-np.logaddexp(0.0, logit.astype(np.float64)).sum(axis=1)), 1.0 - 1e-6)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write it to a safetensors file and return the path."""
@@ -226,9 +191,8 @@ class BodySense:
         values, arrays = load_tensors(path, kind=KIND)
         header = parse(SenseHeader, values, f"{path}: header")
         only_arrays(path, arrays, _ARRAYS)
-        n_features, n, n_figures = 28, header.settings.n_hidden, len(FIGURES)
-        shapes = [(n_features,), (n_features,), (n_features, n), (n,), (n, n), (n,), (n, n_figures)]
-        shapes += [(n_figures,)] * 3
+        n, m = header.settings.n_hidden, len(FIGURES)
+        shapes = [(N_FEATURES,)] * 2 + [(N_FEATURES, n), (n,), (n, n), (n,), (n, m), (m,), (m,), (m,)]
         for name, shape in zip(_ARRAYS, shapes, strict=True):
             take(path, arrays, name, shape, np.float32, least=1e-9 if name == "spread" else -1e6, most=1e6)
         return cls(header, arrays)
@@ -253,102 +217,71 @@ def features(moves: np.ndarray, dt_s: float) -> np.ndarray:
 
 
 def train_sense(
-    folder: str | os.PathLike[str],
-    memories: Sequence[str],
-    validation: Sequence[str],
-    settings: SenseSettings | None = None,
-    movements: MovementSettings | None = None,
-    *,
-    command: str | None = None,
-    progress: Callable[[int, float], None] | None = None,
-) -> BodySense:
+    folder: Path, memories: Sequence[str], validation: Sequence[str], settings: SenseSettings, *,
+    command: str | None = None, progress: Callable[[int, float], object] = lambda *_: None,
+) -> BodySense:  # fmt: skip
     """Teach a network what became of the movements that `perform_movements` left in `folder`.
 
     The loss is that of the predicted figures (smooth L1) plus the log loss of the refusals. One thread of torch; the
-    same settings and movements give the same weights on one machine.
-
-    Args:
-        folder: Of `perform_movements`.
-        memories: Whose movements teach.
-        validation: Whose movements judge: `header.validation` tells `auc` (how often a refused movement is given a
-            larger probability than an accepted one), `log_loss` beside `log_loss_of_share` (of the constant that is
-            right on average), `n_refused` beside `n_expected` of `n_performed` movements, and the `epoch` kept.
-        settings: How it learns.
-        movements: How they were chosen; the files say the same, or are refused.
-        command: For the file's record; None takes the running one.
-        progress: Called with the epochs done and the log loss on validation movements.
+    same settings and movements give the same weights on one machine. `progress` hears the epochs done and the log loss
+    on validation. `header.validation` tells the `epoch` kept, `auc` (how often a refused movement has a larger
+    probability than an accepted one), `log_loss`, and `n_refused` beside `n_expected` of `n_performed` movements.
     """
     import torch
-    from torch.nn.functional import logsigmoid, smooth_l1_loss
+    from torch.nn.functional import logsigmoid, smooth_l1_loss, softplus
 
-    settings, movements = settings or SenseSettings(), movements or MovementSettings()
     torch.set_num_threads(1)
-    taught, judged = (_gathered(folder, names, movements) for names in (memories, validation))
-    x = np.concatenate([taught[0], features(taught[3][..., _MIRRORED] * _SIGN, taught[4])])
+    taught, judged = (
+        [_read(_file_of(folder, name), name, settings) for name in some] for some in (memories, validation)
+    )
+    if len(ticks := {one[3] for one in (*taught, *judged)}) > 1:
+        raise SettingsError(f"the memories should have one tick, but have {sorted(ticks)} s")
+    (moves, *truth), (tried, hits, _) = (
+        [np.concatenate([one[k] for one in some]) for k in range(3)] for some in (taught, judged)
+    )
+    (dt_s,) = ticks
+    x = np.concatenate([features(moves, dt_s), features(moves[..., _MIRRORED] * _SIGN, dt_s)])
     centre, spread = x.mean(axis=(0, 1)), x.std(axis=(0, 1)) + np.float32(1e-6)
-    x, x_judged = (torch.from_numpy((one - centre) / spread) for one in (x, judged[0]))
-    refused, ratios = (torch.from_numpy(np.concatenate([one, one])) for one in taught[1:3])
-    n_hidden, n_figures = settings.n_hidden, len(FIGURES)
+    x, x_judged = (torch.from_numpy((one - centre) / spread) for one in (x, features(tried, dt_s)))
+    refused, ratios = (torch.from_numpy(np.concatenate([one, one])) for one in truth)
+    sizes = (N_FEATURES, settings.n_hidden, settings.n_hidden, len(FIGURES))
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(settings.seed)
-        sizes = (x.shape[-1], n_hidden, n_hidden, n_figures)
         layers = [torch.nn.Linear(*pair) for pair in itertools.pairwise(sizes)]
-        order = [torch.randperm(len(x)) for _ in range(settings.n_epochs)]
+        batches = [torch.randperm(len(x)).split(_BATCH) for _ in range(settings.n_epochs)]
     layers[2].bias.data -= 2.0  # most movements are far below the limits
-    steepness, edge = (torch.nn.Parameter(torch.full((n_figures,), value)) for value in (4.0, 1.0))
+    steepness, edge = (torch.nn.Parameter(torch.full((len(FIGURES),), value)) for value in (4.0, 1.0))
     parameters = [*(one for layer in layers for one in layer.parameters()), steepness, edge]
-    optimizer = torch.optim.AdamW(parameters, lr=settings.learning_rate, weight_decay=settings.weight_decay)
-    batches = [some for epoch in order for some in epoch.split(settings.batch_size)]
-    cycle = torch.optim.lr_scheduler.OneCycleLR(optimizer, settings.learning_rate, total_steps=len(batches))
+    optimizer = torch.optim.AdamW(parameters, lr=_LEARNING_RATE, weight_decay=_WEIGHT_DECAY)
+    cycle = torch.optim.lr_scheduler.OneCycleLR(optimizer, _LEARNING_RATE, total_steps=sum(map(len, batches)))
 
     def predict(some: Any) -> tuple[Any, Any]:
         hidden = torch.relu(layers[1](torch.relu(layers[0](some))))
-        predicted = torch.nn.functional.softplus(layers[2](hidden)).mean(dim=1)
+        predicted = softplus(layers[2](hidden)).mean(dim=1)
         return predicted, logsigmoid(-steepness * (predicted - edge)).sum(dim=1)
 
+    def log_loss_of(accepted: Any, missed: Any) -> Any:
+        return -(accepted * (1.0 - missed) + (1.0 + 1e-6 - accepted.exp()).log() * missed).mean()
+
     best: tuple[float, int, list[np.ndarray]] = (np.inf, 0, [])
-    for k, some in enumerate(batches, start=1):
-        predicted, accepted = predict(x[some])
-        loss = smooth_l1_loss(predicted, ratios[some].clamp(max=3.0)) + _log_loss(refused[some], accepted)
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
-        cycle.step()
-        if k % (len(batches) // settings.n_epochs) == 0:
-            with torch.no_grad():
-                log_loss = float(_log_loss(torch.from_numpy(judged[1]), predict(x_judged)[1]))
-            epoch = k * settings.n_epochs // len(batches)
-            if log_loss < best[0]:
-                best = (log_loss, epoch, [one.detach().numpy().T.copy() for one in parameters])
-            if progress is not None:
-                progress(epoch, log_loss)
-    arrays: dict[str, np.ndarray] = dict(zip(_ARRAYS, [centre, spread, *best[2]], strict=True))
-    provided = provenance(settings=dump(settings), command=command)
-    header = SenseHeader(settings, movements, tuple(memories), {}, provided)
-    chance, hit = BodySense(header, arrays).refusal(judged[3], judged[4]), judged[1] > 0
-    share, n_pairs = float(hit.mean()), int(hit.sum()) * int((~hit).sum())
-    told = {
-        "epoch": best[1], "n_performed": len(hit), "n_refused": int(hit.sum()), "n_expected": float(chance.sum()),
-        "auc": float(mannwhitneyu(chance[hit], chance[~hit]).statistic) / n_pairs if n_pairs else None,
-        "log_loss": best[0],
-        "log_loss_of_share": -share * np.log(share) - (1 - share) * np.log(1 - share) if n_pairs else None,
-    }  # fmt: skip
-    return BodySense(SenseHeader(settings, movements, tuple(memories), told, provided), arrays)
-
-
-def _log_loss(refused: Any, log_accepted: Any) -> Any:
-    """Return the mean log loss of refusals (n,) where the logarithms of the probabilities of acceptance are (n,)."""
-    return -(log_accepted * (1.0 - refused) + (1.0 + 1e-6 - log_accepted.exp()).log() * refused).mean()
-
-
-def _gathered(
-    folder: str | os.PathLike[str], memories: Sequence[str], movements: MovementSettings
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
-    """Return features, refusals (n,), figures in their limits (n, 3), all float32, movements, and the tick [s]."""
-    read = [_read(_file_of(folder, name), name, movements) for name in memories]
-    moves, fault, figures = (np.concatenate([one[k] for one in read]) for k in range(3))
-    dt_s = read[0][3]
-    if any(one[3] != dt_s for one in read):
-        raise SettingsError(f"`memories` should have one tick, but have {sorted({one[3] for one in read})} s")
-    ratios = (figures / np.array([*FIGURES.values()])).astype(np.float32)
-    return features(moves, dt_s), (fault > 0).astype(np.float32), ratios, moves, dt_s
+    for epoch, order in enumerate(batches, start=1):
+        for some in order:
+            predicted, accepted = predict(x[some])
+            loss = smooth_l1_loss(predicted, ratios[some].clamp(max=3.0)) + log_loss_of(accepted, refused[some])
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+            cycle.step()
+        with torch.no_grad():
+            log_loss = float(log_loss_of(predict(x_judged)[1], torch.from_numpy(hits)))
+        if log_loss < best[0]:
+            best = (log_loss, epoch, [one.detach().numpy().T.copy() for one in parameters])
+        progress(epoch, log_loss)
+    made = SenseHeader(settings, tuple(memories), {}, provenance(settings=dump(settings), command=command))
+    sense = BodySense(made, dict(zip(_ARRAYS, [centre, spread, *best[2]], strict=True)))
+    chance, hit = sense.refusal(tried, dt_s), hits > 0
+    n_pairs = int(hit.sum()) * int((~hit).sum())
+    auc = float(mannwhitneyu(chance[hit], chance[~hit]).statistic) / n_pairs if n_pairs else None
+    told = {"epoch": best[1], "auc": auc, "log_loss": best[0], "n_performed": len(hit), "n_refused": int(hit.sum())}
+    sense.header = dataclasses.replace(made, validation={**told, "n_expected": float(chance.sum())})
+    return sense
