@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-from collections import Counter
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-from creative_nao.agents.learned_map.truth import N_POINTS, MemoryTruth, kept_truth, truth_file
+from creative_nao.agents.learned_map.truth import N_POINTS, kept_truth, truth_file
 from creative_nao.cli.terminal import Display, changed_flags, print_result, refuse_leftovers, stopped_by_signals
 from creative_nao.cli.train import file_stem
 from creative_nao.demonstrations import load_demonstrations
@@ -57,9 +56,7 @@ def run(settings: AgentMemoriesSettings) -> int:
     checked(Annotated[int, Field(ge=4, le=10_000)], settings.n_points, "--n-points")
     n_workers = usable_cores() if settings.n_workers is None else checked(Count, settings.n_workers, "--n-workers")
     if checked(Index, settings.seed, "--seed") < FIRST_SEED:
-        raise SettingsError(
-            f"--seed should be at least {FIRST_SEED}, but is {settings.seed}: lower ones are the bank's"
-        )
+        raise SettingsError(f"--seed should be at least {FIRST_SEED}, after the bank's, but is {settings.seed}")
     if settings.out.is_file():
         raise SettingsError(f"--out should name a folder, but {settings.out} is a file")
     ratios = [*CONDITIONS.values()]
@@ -67,47 +64,38 @@ def run(settings: AgentMemoriesSettings) -> int:
         TrainingSettings(closed_loop_ratio=ratios[k % 3], seed=settings.seed + k // 3, n_epochs=settings.n_epochs)
         for k in range(settings.n_memories)
     ]
-    paths = {one: settings.out / f"{file_stem(one)}.safetensors" for one in wanted}
-    truths = {one: truth_file(settings.out, file_stem(one)) for one in wanted}
     if not settings.resume:
-        refuse_leftovers([*paths.values(), *map(checkpoint_of, paths.values()), *truths.values()])
+        for one in wanted:
+            path = _path(one, settings)
+            refuse_leftovers([path, checkpoint_of(path), truth_file(settings.out, path.stem)])
     with Display({"memories": settings.n_memories}) as display, stopped_by_signals() as stop:
-        found = in_threads(
+        made = in_threads(
             wanted,
-            lambda one: _make(one, settings, paths[one], truths[one], stop),
+            lambda one: _make(one, settings, stop),
             n_workers,
             lambda n_done, one: display.show("memories", n_done, file_stem(one)),
         )
-    counts = Counter(one is None for one in found)
-    shares = [float(truth.appropriate.mean()) for truth in found if truth is not None]
-    figures: dict[str, Any] = {
-        "out": str(settings.out),
-        "n_memories": counts[False],
-        "n_failed": counts[True],
-        "appropriate_pct": 100.0 * sum(shares) / len(shares) if shares else None,
-    }
-    lines = [f"{settings.out}: {counts[False]} memories with their truth, {counts[True]} failed in training"]
-    if shares:
-        lines.append(f"appropriate on average: {figures['appropriate_pct']:.1f} % of the points")
-    print_result(figures, lines, as_json=settings.json)
+    figures = {"out": str(settings.out), "n_memories": sum(made), "n_failed": len(made) - sum(made)}
+    line = f"{settings.out}: {sum(made)} memories with their truth, {figures['n_failed']} failed in training"
+    print_result(figures, [line], as_json=settings.json)
     return 0
 
 
-def _command(settings: AgentMemoriesSettings) -> str:
-    words = changed_flags(settings, ("n_memories", "seed", "n_epochs", "n_pb", "n_points"))
-    return " ".join(["creative-nao agent memories", *words, f"--out {settings.out.name}"])
+def _path(training: TrainingSettings, settings: AgentMemoriesSettings) -> Path:
+    return settings.out / f"{file_stem(training)}.safetensors"
 
 
-def _make(
-    training: TrainingSettings, settings: AgentMemoriesSettings, path: Path, truth_path: Path, stop: threading.Event
-) -> MemoryTruth | None:
-    """Make one memory and its truth, whatever of them is missing; None where the training fails."""
+def _make(training: TrainingSettings, settings: AgentMemoriesSettings, stop: threading.Event) -> bool:
+    """Make one memory and its truth, whatever of them is missing; return whether the training succeeded."""
     if stop.is_set():
         raise KeyboardInterrupt
+    flags = changed_flags(settings, ("n_memories", "seed", "n_epochs", "n_pb", "n_points"))
     (trained,) = train_many(
-        load_demonstrations(), [training], NetworkSettings(n_pb=settings.n_pb), out=lambda _: path,
-        resume=settings.resume, stop=stop, command=_command(settings), n_workers=1,
+        load_demonstrations(), [training], NetworkSettings(n_pb=settings.n_pb), out=lambda one: _path(one, settings),
+        resume=settings.resume, stop=stop, n_workers=1,
+        command=" ".join(["creative-nao agent memories", *flags, f"--out {settings.out.name}"]),
     )  # fmt: skip
-    if trained.memory is None:
-        return None
-    return kept_truth(trained.memory, truth_path, file_stem(training), settings.n_points)
+    if trained.memory is not None:
+        name = file_stem(training)
+        kept_truth(trained.memory, truth_file(settings.out, name), name, settings.n_points)
+    return trained.memory is not None

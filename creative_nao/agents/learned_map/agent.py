@@ -12,6 +12,7 @@ from creative_nao.agents.black_box import learned_points
 from creative_nao.agents.learned_map.truth import spread_points
 from creative_nao.agents.rehearsal import BodySettings, PlanningAgent
 from creative_nao.envs.observation import try_columns
+from creative_nao.errors import SettingsError
 from creative_nao.measures import reward_scale
 from creative_nao.measures.outcome import OUTCOME_CODE
 from creative_nao.schema import Field, UnitInterval, record
@@ -91,7 +92,11 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
     def start(self, context: Context) -> None:
         """Begin with the learned points."""
         self._points = learned_points(context, self.name)
-        self._map.check_form(self._points)
+        if self._points.shape != (form := (self._map.n_basic, *self._map.action_space.shape)):
+            told = "learned points (basic actions, PB units) of shape"
+            raise SettingsError(
+                f"agent `{self.name}` was trained with {told} {form}, but these are {self._points.shape}"
+            )
         self._unit = reward_scale(context.demonstrations)
         self._columns = {part.name: part for part in try_columns(*self._points.shape)}
         self._candidates = spread_points(self._points.shape[1], self.settings.n_asked)

@@ -133,15 +133,12 @@ def asked(episodes: Sequence[SimulatedEpisode], n_queries: int, rng: np.random.G
 
     Whether appropriate (b, q), the distance to everything known (b, q), and that to each basic action (b, q, n_basic).
     """
-    parts: list[list[np.ndarray]] = [[] for _ in range(4)]
+    told = []
     for one in episodes:
         truth, places = one.truth, rng.integers(len(one.truth.pb), size=n_queries)
-        usable = truth.appropriate[places].astype(np.float32)
-        far = truth.distances[places][:, one.order]
-        values = one.warp(truth.pb[places]), usable, one.known_distance[places], far
-        for part, value in zip(parts, values, strict=True):
-            part.append(value)
-    return [torch.from_numpy(np.stack(part)) for part in parts]
+        usable, far = truth.appropriate[places].astype(np.float32), truth.distances[places][:, one.order]
+        told.append((one.warp(truth.pb[places]), usable, one.known_distance[places], far))
+    return [torch.from_numpy(np.stack(part)) for part in zip(*told, strict=True)]
 
 
 def play_greedily(

@@ -89,11 +89,11 @@ class AttentiveMap(nn.Module):
         n_points = int((observation_space.low < 0.0).argmin())  # the first of a try says whether there was one
         self.n_basic = n_basic = n_points // n_pb
         self.columns = try_columns(n_basic, n_pb)
-        n_rows, rest = divmod(observation_space.shape[0] - 1 - n_points, self.columns[-1].stop)
+        n_values = observation_space.shape[0]
+        n_rows, rest = divmod(n_values - 1 - n_points, self.columns[-1].stop)
         if n_points % n_pb or rest or n_basic < 1 or n_rows < 1:
             raise SettingsError(
-                f"the learned map reads the -v1 observation with the distances to all basic actions, of {n_pb} PB "
-                f"units, but this one has {observation_space.shape[0]} values"
+                f"no -v1 observation of the track `trajectories` has {n_values} values, {n_pb} PB units"
             )
         if width % n_heads:
             raise SettingsError(f"`n_heads` should divide `width` {width}, but is {n_heads}")
@@ -192,14 +192,6 @@ class AttentiveMap(nn.Module):
                 place = int(torch.multinomial((torch.from_numpy(value) / DRAWN_AT).softmax(0), 1))
             chosen.append(pb[place])
         return (np.stack(chosen) if batch.ndim == 2 else chosen[0]), state
-
-    def check_form(self, points: np.ndarray) -> None:
-        """Refuse the learned points of a memory of another form: a `SettingsError`."""
-        if points.shape != (self.n_basic, *self.action_space.shape):
-            raise SettingsError(
-                f"this learned map is for memories with {self.n_basic} basic actions and "
-                f"{self.action_space.shape[0]} PB units, but this one has {points.shape[0]} and {points.shape[1]}"
-            )
 
     def set_training_mode(self, mode: bool) -> None:
         """Switch dropout on or off."""

@@ -18,15 +18,8 @@ from gymnasium.spaces import Box
 from torch import Tensor, nn
 
 from creative_nao.agents.callbacks import ProgressTable, write_record
-from creative_nao.agents.learned_map.episodes import (
-    CANDIDATES,
-    N_ACTIONS,
-    SimulatedEpisode,
-    asked,
-    play_greedily,
-    random_warp,
-    shown,
-)
+from creative_nao.agents.learned_map import episodes
+from creative_nao.agents.learned_map.episodes import N_ACTIONS, SimulatedEpisode, play_greedily, random_warp
 from creative_nao.agents.learned_map.network import LOG_SPREAD, AttentiveMap
 from creative_nao.agents.learned_map.truth import MemoryTruth, refuse_test_memories
 from creative_nao.agents.resume import (
@@ -123,7 +116,7 @@ class Simulator:
     def batch(self, rng: np.random.Generator) -> tuple[list[Tensor], list[Tensor]]:
         """Return what is shown in a batch of episodes, and what is asked, with the truth: `shown`, `asked`."""
         recipe, imagines = self.recipe, bool(rng.random() < self.recipe.imagined_share)
-        most, episodes = int(rng.choice(N_IMAGINED)), []
+        most, found = int(rng.choice(N_IMAGINED)), []
         for _ in range(max(recipe.batch_size // 2, 1) if imagines else recipe.batch_size):
             place, n = int(rng.integers(len(self.truths))), int(rng.integers(N_ACTIONS))
             again = None
@@ -134,18 +127,18 @@ class Simulator:
                 episode.perform_planned(n, rng)
                 episode.imagined = rng.permutation(episode.imagined)[:most]
             elif again is None:
-                episode.perform_best(n, int(rng.choice(CANDIDATES)), rng)
+                episode.perform_best(n, int(rng.choice(episodes.CANDIDATES)), rng)
             for one in (again or [])[:n]:
                 episode.perform(one)
-            episodes.append(episode)
-        return shown(episodes), asked(episodes, recipe.n_queries, rng)
+            found.append(episode)
+        return episodes.shown(found), episodes.asked(found, recipe.n_queries, rng)
 
     def play(self, policy: AttentiveMap, rng: np.random.Generator) -> None:
         """Let the map play episodes and keep them."""
         places = rng.integers(len(self.truths), size=self.recipe.own_size)
-        episodes = [self.begin(place, rng) for place in places]
-        play_greedily(policy, episodes, rng, OWN_ASKED, float(rng.choice([0.0, 0.5])), OWN_NOISE)
-        new = np.concatenate([places[:, None], [one.performed for one in episodes]], axis=1)
+        played = [self.begin(place, rng) for place in places]
+        play_greedily(policy, played, rng, OWN_ASKED, float(rng.choice([0.0, 0.5])), OWN_NOISE)
+        new = np.concatenate([places[:, None], [one.performed for one in played]], axis=1)
         self.own = np.concatenate([self.own, new])[-N_OWN:]
 
 
@@ -158,9 +151,9 @@ def judge(policy: AttentiveMap, truths: Sequence[MemoryTruth], seeds: Sequence[i
     for truth in truths:
         n_pb, n_basic = truth.form
         warps = [random_warp(n_pb, np.random.default_rng(seed)) for seed in seeds]
-        episodes = [SimulatedEpisode(truth, warp, np.arange(n_basic)) for warp in warps]
-        play_greedily(policy, episodes, np.random.default_rng(0))
-        found += [float(sum(one.earned)) for one in episodes]
+        played = [SimulatedEpisode(truth, warp, np.arange(n_basic)) for warp in warps]
+        play_greedily(policy, played, np.random.default_rng(0))
+        found += [float(sum(one.earned)) for one in played]
     return tuple(found)
 
 
@@ -201,43 +194,39 @@ def train_map(
     Raises:
         KeyboardInterrupt: After `stop` was set; the checkpoint is written.
         SettingsError: If a test memory is among them, a memory is in both, or the checkpoint is of another plan.
-        FileFormatError: If the checkpoint is damaged.
     """
     _check(truths, judged)
     chosen, told = plan.hyperparameters, plan.as_json()
     told |= {"truths": [one.name for one in truths], "judged": [one.name for one in judged]}
     recipe = SupervisedMap(**chosen.arguments)
+    batch_size = recipe.batch_size
     torch.set_num_threads(1)  # so that sums are made in the same order everywhere
     torch.manual_seed(plan.seed)
     policy = untrained_map(truths[0], chosen, recipe)
-    policy.basic_gaps.copy_(torch.from_numpy(truths[0].basic_gaps))
     average, simulator = copy.deepcopy(policy), Simulator(truths, recipe)
     optimiser = torch.optim.AdamW(
         policy.parameters(), recipe.learning_rate, betas=(0.9, recipe.beta_2), weight_decay=recipe.weight_decay
     )
-    result, n_steps, done = TrainingRecord(), -(-chosen.n_timesteps // recipe.batch_size), 0
-    seen: list[list[float]] = []
+    result, n_steps, done = TrainingRecord(), -(-chosen.n_timesteps // batch_size), 0
+    parts, seen = {"weights": policy, "average": average, "optimiser": optimiser}, []
     if resume and checkpoint is not None and checkpoint.is_file():
         result, state = load_checkpoint(checkpoint, told)
-        parts = {"weights": policy, "average": average, "optimiser": optimiser}
         done = _restore(parts, simulator, result, state, checkpoint, n_steps)
         seen = take(checkpoint, state.arrays, "seen", (None, len(LOSSES))).tolist()
-    table = None if logs is None else ProgressTable(logs / "progress.csv", done * recipe.batch_size)
+    table = None if logs is None else ProgressTable(logs / "progress.csv", done * batch_size)
 
     def save() -> None:
         if checkpoint is not None:
             arrays = {"seen": np.array(seen, np.float64).reshape(-1, len(LOSSES)), "own": simulator.own}
-            values: dict[str, Any] = {"step": done}
-            for name, part in {"weights": policy, "average": average, "optimiser": optimiser}.items():
-                values[name] = pack(part.state_dict(), name, arrays)
-            save_checkpoint(checkpoint, told, result, ResumeState(values, arrays))
+            values = {name: pack(part.state_dict(), name, arrays) for name, part in parts.items()}
+            save_checkpoint(checkpoint, told, result, ResumeState({"step": done, **values}, arrays))
 
     def evaluate() -> None:
         weights = {name: tensor.numpy().copy() for name, tensor in average.state_dict().items()}
-        result.evaluated(done * recipe.batch_size, judge(average, judged, plan.judged_seeds), weights)
+        result.evaluated(done * batch_size, judge(average, judged, plan.judged_seeds), weights)
 
     def due(interval: int) -> bool:
-        return done * recipe.batch_size // interval > (done - 1) * recipe.batch_size // interval
+        return done * batch_size // interval > (done - 1) * batch_size // interval
 
     if not result.evaluations:
         evaluate()
@@ -270,12 +259,12 @@ def train_map(
             evaluate()
             if table is not None:
                 means = np.mean(seen, axis=0).tolist()
-                table.write(dict(zip(LOSSES, means, strict=True)), {}, done * recipe.batch_size)
+                table.write(dict(zip(LOSSES, means, strict=True)), {}, done * batch_size)
             seen = []
         if due(plan.checkpoint_interval) or done == n_steps:
             save()
         if progress is not None:
-            progress(result, done * recipe.batch_size)
+            progress(result, done * batch_size)
     if logs is not None:
         write_record(logs, result)
     policy.load_state_dict({name: torch.from_numpy(one.copy()) for name, one in result.best_weights.items()})
@@ -288,13 +277,12 @@ def untrained_map(truth: MemoryTruth, chosen: Hyperparameters, recipe: Supervise
     n_pb, n_basic = truth.form
     columns = try_columns(n_basic, n_pb)
     observed = observation_space(layout(n_basic, n_pb, n_rows=N_ACTIONS), columns)
-    if sorted(recipe.swapped_actions) not in ([], [*range(n_basic)]):
-        raise SettingsError(
-            f"`swapped_actions` should be an order of {n_basic} actions, but is {recipe.swapped_actions}"
-        )
-    return SupervisedMap.policy_aliases[chosen.policy](
-        observed, Box(-1.0, 1.0, (n_pb,), np.float32), **chosen.sb3_policy_kwargs()
-    )
+    if sorted(swapped := recipe.swapped_actions) not in ([], [*range(n_basic)]):
+        raise SettingsError(f"`swapped_actions` should be an order of {n_basic} actions, but is {swapped}")
+    kind, actions = SupervisedMap.policy_aliases[chosen.policy], Box(-1.0, 1.0, (n_pb,), np.float32)
+    policy = kind(observed, actions, **chosen.sb3_policy_kwargs())
+    policy.basic_gaps.copy_(torch.from_numpy(truth.basic_gaps))
+    return policy
 
 
 def _check(truths: Sequence[MemoryTruth], judged: Sequence[MemoryTruth]) -> None:
@@ -303,9 +291,7 @@ def _check(truths: Sequence[MemoryTruth], judged: Sequence[MemoryTruth]) -> None
     refuse_test_memories((*truths, *judged), "the memories of a training")
     forms = {one.form for one in (*truths, *judged)}
     if len(forms) > 1:
-        raise SettingsError(
-            f"the memories of a training should have one form, but have {sorted(forms)} (PB units, actions)"
-        )
+        raise SettingsError(f"memories should have the same PB units and actions, but have {sorted(forms)}")
     learned = {one.learned_pb.tobytes() for one in truths}
     for one in judged:
         if one.learned_pb.tobytes() in learned:
@@ -316,11 +302,11 @@ def _restore(
     parts: dict[str, Any], simulator: Simulator, result: TrainingRecord, state: ResumeState, path: Path, n_steps: int
 ) -> int:
     """Put a training into the state of a checkpoint and return the steps done."""
+    check_weights(result.best_weights, parts["average"])
+    own = take(path, state.arrays, "own", (None, 1 + N_ACTIONS), np.int64, kinds="i", least=0)
     try:
         for name, part in parts.items():
             part.load_state_dict(unpack(state.values[name], state.arrays))
-        check_weights(result.best_weights, parts["average"])
-        own = take(path, state.arrays, "own", (None, 1 + N_ACTIONS), np.int64, kinds="i", least=0)
         n_points = min(len(truth.pb) for truth in simulator.truths)
         if len(own) and (own[:, 0].max() >= len(simulator.truths) or own[:, 1:].max() >= n_points):
             raise ValueError("`own` names memories or points that are not there")
@@ -328,7 +314,5 @@ def _restore(
         if type(done) is not int or not 0 <= done <= n_steps:
             raise ValueError(f"`step` should be from 0 to {n_steps}, but is {done!r:.40}")
     except (KeyError, ValueError, TypeError, RuntimeError, IndexError, AttributeError) as error:
-        if isinstance(error, FileFormatError):
-            raise
         raise FileFormatError(f"{path}: the state does not fit this training: {error}") from error
     return done

@@ -7,7 +7,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -74,21 +73,14 @@ class MemoryTruth:
     def load(cls, path: Path) -> MemoryTruth:
         """Read a file of `save`; a torn or foreign one is a `FileFormatError` that names the part."""
         values, arrays = load_tensors(path, kind=KIND)
-        header = parse(_TruthHeader, values, f"{path}: header")
+        only_arrays(path, arrays, _ARRAYS)
+        name = parse(_TruthHeader, values, f"{path}: header").name
         pb = take(path, arrays, "pb", (None, None), np.float32, least=-1.0, most=1.0)
         learned = take(path, arrays, "learned_pb", (None, pb.shape[1]), np.float32, least=-1.0, most=1.0)
-        n = len(pb)
-        far: dict[str, Any] = {"least": 0.0, "most": MAX_DISTANCE}
-        only_arrays(path, arrays, _ARRAYS)
-        return cls(
-            header.name,
-            pb,
-            take(path, arrays, "outcome", (n,), np.int8, kinds="i", least=0, most=len(ALL_OUTCOMES) - 1),
-            take(path, arrays, "distances", (n, len(learned)), np.float32, **far),
-            take(path, arrays, "gaps", (n, n), np.float16, **far),
-            learned,
-            take(path, arrays, "basic_gaps", (len(learned), len(learned)), np.float32, **far),
-        )
+        n, n_basic, far = len(pb), len(learned), functools.partial(take, path, arrays, least=0.0, most=MAX_DISTANCE)
+        outcome = take(path, arrays, "outcome", (n,), np.int8, kinds="i", least=0, most=len(ALL_OUTCOMES) - 1)
+        distances, gaps = far("distances", (n, n_basic), np.float32), far("gaps", (n, n), np.float16)
+        return cls(name, pb, outcome, distances, gaps, learned, far("basic_gaps", (n_basic, n_basic), np.float32))
 
 
 @functools.cache
@@ -142,9 +134,7 @@ def read_truths(folder: str | os.PathLike[str]) -> list[MemoryTruth]:
     """Read all truths of a folder, in the order of their names; a `NotFoundError` if there is none."""
     paths = sorted(Path(folder).glob(f"*{ENDING}"))
     if not paths:
-        raise NotFoundError(
-            f"no truths of memories in {folder}; `creative-nao agent memories --out {folder}` makes some"
-        )
+        raise NotFoundError(f"no truths of memories in {folder}: `creative-nao agent memories --out {folder}`")
     return [MemoryTruth.load(path) for path in paths]
 
 
@@ -163,7 +153,4 @@ def refuse_test_memories(truths: Sequence[MemoryTruth], where: str) -> None:
     """Refuse truths among which one is of a test memory, whatever its name: its learned points tell it."""
     for truth in truths:
         if (name := _test_points().get(truth.learned_pb.tobytes())) is not None:
-            raise SettingsError(
-                f"{where} should not hold a test memory of the bank, but `{truth.name}` is {name}: agents are judged "
-                "on those memories, and no training may see them"
-            )
+            raise SettingsError(f"{where} should not hold a test memory of the bank, but `{truth.name}` is {name}")
