@@ -76,7 +76,6 @@ from .training import (
 )
 from .tries import (
     TryPolicy,
-    TrySACPolicy,
 )
 
 __all__ = [
@@ -123,7 +122,6 @@ __all__ = [
     "TrainedPolicy",
     "TrainingCurve",
     "TryPolicy",
-    "TrySACPolicy",
     "as_agent",
     "load_agent",
     "load_bundle",

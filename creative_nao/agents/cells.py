@@ -11,7 +11,6 @@ Names of modules (`weights`, `weigh`, `others`) are names of weights in bundles.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
@@ -246,11 +245,14 @@ _CARRIED = "cell_probabilities"
 
 
 class CellActor(BasePolicy):
-    """Draws points of the PB space, by what `parts` makes: features, one or more networks that score, distribution."""
+    """Draws points of the PB space; arguments as of `CellSACPolicy`."""
 
-    def __init__(self, observation_space: Box, action_space: Box, parts: Callable[[int], Any]) -> None:
+    def __init__(self, observation_space: Box, action_space: Box, width: int, n_layers: int) -> None:
         super().__init__(observation_space, action_space, squash_output=True)
-        self.features, (self.weights,), self.action_dist = parts(1)
+        n_pb = int(np.prod(action_space.shape))
+        self.features = CellFeatures(observation_space, n_pb)
+        self.weights = CellWeights(self.features, width, n_layers)
+        self.action_dist = CellDistribution(n_pb)
 
     def forward(self, obs: torch.Tensor, deterministic: bool = False) -> torch.Tensor:
         """Return points (n, n_pb) for observations (n, n_values)."""
@@ -269,12 +271,12 @@ class CellActor(BasePolicy):
 
 
 class CellCritic(BaseModel):
-    """Values every cell, with several networks; arguments as of `CellActor`."""
+    """Values every cell, with several networks; arguments as of `CellSACPolicy`."""
 
-    def __init__(self, observation_space: Box, action_space: Box, parts: Callable[[int], Any], n_critics: int) -> None:
+    def __init__(self, observation_space: Box, action_space: Box, width: int, n_layers: int, n_critics: int) -> None:
         super().__init__(observation_space, action_space)
-        self.features, values, self.action_dist = parts(n_critics)
-        self.values = nn.ModuleList(values)
+        self.features = CellFeatures(observation_space, int(np.prod(action_space.shape)))
+        self.values = nn.ModuleList(CellWeights(self.features, width, n_layers) for _ in range(n_critics))
 
     def forward(self, obs: torch.Tensor, actions: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Return each network's values (n, 1): of the actions' cells, or of the distribution the actions carry."""
@@ -283,7 +285,7 @@ class CellCritic(BaseModel):
         probabilities = getattr(actions, _CARRIED, None)
         if probabilities is not None:
             return tuple((probabilities * one).sum(dim=1, keepdim=True) for one in maps)
-        cells = cells_at(actions, self.action_dist.resolution)[:, None]
+        cells = cells_at(actions)[:, None]
         return tuple(one.gather(1, cells) for one in maps)
 
 
@@ -304,16 +306,9 @@ class CellSACPolicy(SACPolicy):
     def make_actor(self, features_extractor: Any = None) -> CellActor:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return an untrained actor."""
         spaces = cast("tuple[Box, Box]", (self.observation_space, self.action_space))
-        return CellActor(*spaces, self.make_parts).to(self.device)
+        return CellActor(*spaces, self.width, self.n_layers).to(self.device)
 
     def make_critic(self, features_extractor: Any = None) -> CellCritic:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return untrained critics."""
         spaces = cast("tuple[Box, Box]", (self.observation_space, self.action_space))
-        return CellCritic(*spaces, self.make_parts, self.critic_kwargs["n_critics"]).to(self.device)
-
-    def make_parts(self, n_networks: int) -> tuple[Any, list[Any], CellDistribution]:
-        """Return what turns observations into features, networks that score cells by them, and the distribution."""
-        n_pb = int(np.prod(cast("Box", self.action_space).shape))
-        features = CellFeatures(cast("Box", self.observation_space), n_pb)
-        scoring = [CellWeights(features, self.width, self.n_layers) for _ in range(n_networks)]
-        return features, scoring, CellDistribution(n_pb)
+        return CellCritic(*spaces, self.width, self.n_layers, self.critic_kwargs["n_critics"]).to(self.device)

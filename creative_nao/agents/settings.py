@@ -34,8 +34,8 @@ from creative_nao.storage import MAX_YAML_BYTES, as_yaml, read_text
 
 CELL_POLICY, TRY_POLICY = "creative_nao.agents.CellPolicy", "creative_nao.agents.TryPolicy"
 """PPO's policies over the cells of the PB space and over every try, by dotted paths as RL Zoo reads them."""
-CELL_SAC_POLICY, TRY_SAC_POLICY = "creative_nao.agents.CellSACPolicy", "creative_nao.agents.TrySACPolicy"
-"""The same for SAC; none of them is for rehearsal."""
+CELL_SAC_POLICY = "creative_nao.agents.CellSACPolicy"
+"""The first of them for SAC."""
 AUGMENTATION = "creative_nao.agents.FlippedSwappedAxes"
 """The one `vec_env_wrapper` there is: training episodes with flipped and swapped PB axes."""
 RELEASED_NAMES = {
@@ -77,7 +77,7 @@ class Algorithm:
 
     def policy_class(self, policy: str) -> Any:
         """Return the class of a policy, one of `policies`."""
-        if policy in (CELL_POLICY, CELL_SAC_POLICY, TRY_POLICY, TRY_SAC_POLICY):
+        if policy in (CELL_POLICY, CELL_SAC_POLICY, TRY_POLICY):
             from creative_nao import agents
 
             return getattr(agents, policy.rpartition(".")[2])
@@ -91,12 +91,11 @@ class Algorithm:
 
 
 _SB3, _LEARNED_MAP = "stable_baselines3", "creative_nao.agents.learned_map.training"
-_OF_SAC = ("MlpPolicy", CELL_SAC_POLICY, TRY_SAC_POLICY)
 ALGORITHMS = {
     one.name: one
     for one in (
         Algorithm("ppo", _SB3, "PPO", on_policy=True, policies=("MlpPolicy", CELL_POLICY, TRY_POLICY)),
-        Algorithm("sac", _SB3, "SAC", on_policy=False, policies=_OF_SAC, acting="actor."),
+        Algorithm("sac", _SB3, "SAC", on_policy=False, policies=("MlpPolicy", CELL_SAC_POLICY), acting="actor."),
         Algorithm("td3", _SB3, "TD3", on_policy=False, acting="actor."),
         Algorithm("recurrent_ppo", "sb3_contrib", "RecurrentPPO", on_policy=True, policies=("MlpLstmPolicy",)),
         Algorithm("tqc", "sb3_contrib", "TQC", on_policy=False, acting="actor."),

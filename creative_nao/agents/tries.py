@@ -1,4 +1,4 @@
-"""Policies of PPO and SAC over every try of an episode, for the observations of -v1 and of rehearsal.
+"""PPO's policy over every try of an episode, for the observations of -v1 and of rehearsal.
 
 Tries and learned PB points are a set. Each cell of a grid over the PB space attends to them: the closer in PB space the
 more, within reaches that are learned, and by what came out there. What each head gathers scores the cell, and a point
@@ -10,13 +10,13 @@ Names of modules are names of weights in bundles.
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 import torch
 from gymnasium.spaces import Box
 from torch import nn
 
-from creative_nao.agents.cells import CellDistribution, CellPolicy, CellSACPolicy
+from creative_nao.agents.cells import CellDistribution, CellPolicy
 from creative_nao.envs.observation import split, tries_of
 from creative_nao.errors import SettingsError
 from creative_nao.measures.outcome import APPROPRIATE
@@ -123,14 +123,10 @@ class TryWeights(nn.Module):
         self.register_buffer("line", features.line, persistent=False)
         self.register_buffer("where", torch.cat([features.places, features.places.abs()], dim=1), persistent=False)
 
-    def forward(self, tokens: torch.Tensor, pb: torch.Tensor, mask: torch.Tensor, others: torch.Tensor) -> torch.Tensor:
-        """Return a score for each cell, (n, n_cells), from what `TryFeatures` returns."""
-        return self.scored(tokens, pb, mask, others)[0]
-
-    def scored(
+    def forward(
         self, tokens: torch.Tensor, pb: torch.Tensor, mask: torch.Tensor, others: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return also a summary of what is known, (n, width + n_others)."""
+        """Return a score for each cell (n, n_cells), and a summary of what is known, (n, width + n_others)."""
         embedded = self.embed(tokens)
         n, m, _ = tokens.shape
         matter = self.matter(embedded).clamp(-8.0, 8.0).masked_fill(~mask[..., None], -1e9).exp()  # (n, m, heads)
@@ -169,7 +165,7 @@ class TryNetwork(nn.Module):
 
     def forward(self, observations: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return logits of the cells, and of the commit, (n, latent_dim_pi), and what the value is read from."""
-        logits, summary = self.weights.scored(*self.features(observations))
+        logits, summary = self.weights(*self.features(observations))
         if self.commit is not None:
             logits = torch.cat([logits, self.commit(summary)], dim=1)
         return logits, self.value(summary)
@@ -211,26 +207,3 @@ class TryPolicy(CellPolicy):
         features = TryFeatures(space, self.resolution)
         network = TryNetwork(features, self.width, self.n_layers)
         return network, CellDistribution(features.n_pb, self.resolution, features.rehearsal)
-
-
-class TrySACPolicy(CellSACPolicy):
-    """Actor and critics of SAC over every try of an episode; name it as `policy` in a file of hyperparameters.
-
-    Arguments and errors are those of `TryPolicy`; of `n_critics` networks that value cells the lowest counts. It is not
-    for rehearsal, where an action also commits.
-    """
-
-    def __init__(
-        self, observation_space: Box, action_space: Box, lr_schedule: Any, width: int = 32, n_layers: int = 2,
-        resolution: int = 16, n_critics: int = 2, use_sde: bool = False,
-    ) -> None:  # fmt: skip
-        self.resolution = resolution
-        super().__init__(observation_space, action_space, lr_schedule, width, n_layers, n_critics, use_sde)
-
-    def make_parts(self, n_networks: int) -> tuple[Any, list[Any], CellDistribution]:
-        """Return features, networks and distribution."""
-        features = TryFeatures(cast("Box", self.observation_space), self.resolution)
-        if features.rehearsal:
-            raise SettingsError("TrySACPolicy chooses points and no commits: train rehearsal with ppo and TryPolicy")
-        scoring = [TryWeights(features, self.width, self.n_layers) for _ in range(n_networks)]
-        return features, scoring, CellDistribution(features.n_pb, self.resolution)
