@@ -32,7 +32,7 @@ from creative_nao.envs.observation import split
 from creative_nao.model import split_memories
 
 ENV = "CreativeNao/BoxingMental-v1"
-RESOLUTION = 16
+RESOLUTION = 12
 """Cells along an axis of the PB space, of which one is chosen and a point drawn within it."""
 TEMPERATURE = 0.1
 """First divisor of what a cell is expected to earn, in units of the reward."""
