@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from typing import Any
 
@@ -57,10 +56,7 @@ def agents_for(memory: Memory, run: RunEpisodes | None = None) -> dict[str, Any]
     `groups` of names with their titles, the `pair` that races unless others are chosen, and `guide`, who finds the
     surprises of the tour.
     """
-    trained, recorded = (
-        trained_agents(memory),
-        [] if run is None else [f"{RECORDED}{name}" for name in run.of(memory.name)],
-    )
+    trained, recorded = trained_agents(memory), list(_recorded(memory, run))
     groups = {
         "" if run is None else f"Of the run {run.name}": recorded,
         "Trained": trained, "By rule or search": [*UNTRAINED],
@@ -75,8 +71,11 @@ def agents_for(memory: Memory, run: RunEpisodes | None = None) -> dict[str, Any]
 
 def dots(memory: Memory, run: RunEpisodes | None) -> list[tuple[float, float]]:
     """Return the PB points that agents of a run tried in a memory, at most `MAX_DOTS`."""
-    episodes = [] if run is None else [one for seeds in run.of(memory.name).values() for one in seeds]
-    return [one.pb for episode in episodes for one in episode][:MAX_DOTS]
+    return [one.pb for seeds in _recorded(memory, run).values() for episode in seeds for one in episode][:MAX_DOTS]
+
+
+def _recorded(memory: Memory, run: RunEpisodes | None) -> dict[str, list[list[Try]]]:
+    return {} if run is None else {f"{RECORDED}{title}": seeds for title, seeds in run.of(memory.name).items()}
 
 
 def tries(memory: Memory, name: str, seed: int, run: RunEpisodes | None = None) -> dict[str, Any]:
@@ -85,7 +84,7 @@ def tries(memory: Memory, name: str, seed: int, run: RunEpisodes | None = None) 
     An agent of the run is taken at its `seed`-th episode there, beginning again after the last; another plays one now.
     NotFoundError if there is no such agent.
     """
-    recorded = {} if run is None else {f"{RECORDED}{title}": seeds for title, seeds in run.of(memory.name).items()}
+    recorded = _recorded(memory, run)
     if name in recorded:
         found = recorded[name][seed % len(recorded[name])]
     else:
@@ -94,11 +93,14 @@ def tries(memory: Memory, name: str, seed: int, run: RunEpisodes | None = None) 
         if base not in known or base in recorded or (n_candidates or 1) > MAX_CANDIDATES:
             raise NotFoundError(f"no agent `{name:.40}`{nearest_name(name, known)}; there are {', '.join(known)}")
         agent = make_agent(name)
+        if "/" in base:
+            import torch
+
+            torch.set_num_threads(1)  # so that sums are made in the same order everywhere
         env = make_env(_environment(base), memory, agent, N_TRIES)
         played = play_episode(agent, env, seed=seed, rng=np.random.default_rng(seed), n_actions=N_TRIES)
         found, before = [], 0
         for pb, reward, info, n_imagined in played:
-            point = float(pb[0]), float(pb[1])
-            found.append(Try(point, float(reward), str(info["outcome"]), n_imagined - before))
+            found.append(Try((float(pb[0]), float(pb[1])), reward, str(info["outcome"]), n_imagined - before))
             before = n_imagined
-    return {"tries": [{k: v for k, v in dataclasses.asdict(one).items() if k != "distance"} for one in found]}
+    return {"tries": [dict(zip(Try._fields[:4], one, strict=False)) for one in found]}

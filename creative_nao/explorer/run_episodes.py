@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import io
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,17 +29,8 @@ MAX_DEVIATION = 0.01
 """Of recorded distances from the memory's own, relative: processors round differently, other memories differ more."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Try:
-    """One movement of an episode.
-
-    Attributes:
-        pb: The PB vector, in [-1, 1].
-        reward: What it earned.
-        outcome: One of `measures.outcome.ALL_OUTCOMES`.
-        imagined: How many movements were imagined before it.
-        distance: To the nearest basic action (DTW) [rad], where it was scored as generated; else NaN.
-    """
+class Try(NamedTuple):
+    """One movement of an episode, its `distance` to the nearest basic action [rad] where it was scored as generated."""
 
     pb: tuple[float, float]
     reward: float
@@ -54,7 +45,7 @@ class RunEpisodes:
     Raises:
         NotFoundError: If the folder holds no table of episodes.
         FileFormatError: If it is damaged or foreign; the message names the line.
-        SettingsError: If one PB vector makes no movement in any of its environments.
+        SettingsError: If it holds no episode in which one PB vector makes a movement.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -64,23 +55,18 @@ class RunEpisodes:
         text = read_text(self.path, "table of episodes")
         _check_sum(self.path)
         found: dict[tuple[str, str, str], dict[int, list[Try]]] = {}
-        left_out = set()
         for where, row in _rows(self.path, text):
             if not row["env"].startswith(ENVIRONMENTS):
-                left_out.add(row["env"])
                 continue
             seeds = found.setdefault((row["memory"], row["agent"], row["env"]), {})
-            tries = seeds.setdefault(_whole(row["seed"], f"{where}: seed"), [])
-            if _whole(row["step"], f"{where}: step") != len(tries) + 1:
+            tries = seeds.setdefault(int(_number(row, "seed", where)), [])
+            if _number(row, "step", where) != len(tries) + 1:
                 raise FileFormatError(
-                    f"{where}: step should be {len(tries) + 1}, the next of its episode, but is {row['step']}"
+                    f"{where}: step should be {len(tries) + 1}, the next of its episode, but is {shown(row['step'])}"
                 )
             tries.append(_try(row, where))
-        if left_out and not found:
-            raise SettingsError(
-                f"{self.path}: in {', '.join(sorted(left_out))} a movement takes several decisions, or the environment "
-                "is not known here; the explorer plays episodes of Boxing, BoxingMental and BoxingRehearsal"
-            )
+        if not found:
+            raise SettingsError(f"{self.path} has no episode of Boxing, BoxingMental or BoxingRehearsal to be played")
         several = len({env for *_, env in found}) > 1
         self._episodes: dict[str, dict[str, list[list[Try]]]] = {}
         for (memory, agent, env), seeds in found.items():
@@ -96,12 +82,9 @@ class RunEpisodes:
         """Make sure that there are episodes in a memory of this name, SettingsError otherwise."""
         if not self.of(memory.name):
             names = list(self._episodes)
-            if not names:
-                raise SettingsError(f"{self.path} holds no episode")
-            others = f" and {len(names) - 6} others" if len(names) > 6 else ""
             own = self.path.parent / "memories" / f"{names[0].replace('/', '-')}.safetensors"
             raise SettingsError(
-                f"{self.path} has no episodes in {memory.name}, but in {', '.join(names[:6])}{others}; begin with "
+                f"{self.path} has no episodes in {memory.name}, but in {', '.join(names)[:200]}; begin with "
                 f"`creative-nao explore {own if own.is_file() else names[0]} --run {self.path.parent}`"
             )
 
@@ -122,10 +105,7 @@ class RunEpisodes:
 def _lines(path: Path, text: str) -> Iterator[str]:
     for number, line in enumerate(io.StringIO(text, newline=""), start=1):  # empty ones, which the reader skips, too
         if number > MAX_LINES or len(line) > MAX_LINE:
-            raise FileFormatError(
-                f"{path}: line {number}: expected at most {MAX_LINES} lines of {MAX_LINE} characters, but it is line "
-                f"{number} of {len(line)} characters"
-            )
+            raise FileFormatError(f"{path}: line {number}: expected at most {MAX_LINES} lines of {MAX_LINE} characters")
         yield line
 
 
@@ -140,7 +120,7 @@ def _rows(path: Path, text: str) -> Iterator[tuple[str, dict[str, str]]]:
             )
         for row in reader:
             where = f"{path}: line {reader.line_num}"
-            if row.get(None) or None in [row[name] for name in COLUMNS]:
+            if row.get(None) or None in row.values():
                 raise FileFormatError(f"{where}: should have {len(names)} cells, one for each column")
             yield where, row
     except csv.Error as error:
@@ -148,38 +128,29 @@ def _rows(path: Path, text: str) -> Iterator[tuple[str, dict[str, str]]]:
 
 
 def _try(row: dict[str, str], where: str) -> Try:
-    pb = [_number(row[name], f"{where}: {name}") for name in ("pb_1", "pb_2")]
     if row["outcome"] not in ALL_OUTCOMES:
         raise FileFormatError(
-            f"{where}: outcome should be one of {', '.join(ALL_OUTCOMES)}, but is {shown(row['outcome'])}"
+            f"{where}: outcome should be one of {', '.join(ALL_OUTCOMES)}, but is {row['outcome'][:40]}"
         )
+    first, second = (min(1.0, max(-1.0, _number(row, name, where))) for name in ("pb_1", "pb_2"))  # as it was performed
     return Try(
-        (min(1.0, max(-1.0, pb[0])), min(1.0, max(-1.0, pb[1]))),  # as the environment performed it
-        _number(row["reward"], f"{where}: reward"),
-        row["outcome"],
-        _whole(row["n_imagined"], f"{where}: n_imagined") if row.get("n_imagined") else 0,
-        _number(row["distance"], f"{where}: distance") if row.get("distance") and MENTAL in row["env"] else math.nan,
-    )
+        (first, second), _number(row, "reward", where), row["outcome"],
+        int(_number(row, "n_imagined", where)) if "n_imagined" in row else 0,  # an older release did not tell
+        _number(row, "distance", where) if "distance" in row and row["env"].startswith(MENTAL) else math.nan,
+    )  # fmt: skip
 
 
-def _number(cell: str, where: str) -> float:
+def _number(row: dict[str, str], name: str, where: str) -> float:
     try:
-        value = float(cell)
+        value = float(row[name])
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
-        raise FileFormatError(f"{where} should be a number, but is {shown(cell)}")
+    if not math.isfinite(value) or (value < 0 and name == "seed"):
+        raise FileFormatError(f"{where}: {name} should be a number, but is {shown(row[name])}")
     return value
 
 
-def _whole(cell: str, where: str) -> int:
-    if not (cell.isascii() and cell.isdecimal() and len(cell) < 10):
-        raise FileFormatError(f"{where} should be a whole number, but is {shown(cell)}")
-    return int(cell)
-
-
 def _check_sum(path: Path) -> None:
-    """Compare the table with the hash that `run.json` has of it."""
     from creative_nao.evaluation.run import RECORD, read_record
 
     told = read_record(path.parent).get("hashes") if (path.parent / RECORD).is_file() else None

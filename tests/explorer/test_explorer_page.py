@@ -297,5 +297,115 @@ def test_zoom_brings_finer_cells(visit, server):
     tab.page.mouse.wheel(0, -300)
     tab.until("() => explorer.view.width < 0.3")
     tab.until("() => location.search.includes('view=')")
+    tab.press("Details")
+    tab.page.locator("#colour").select_option("unexpectedness")  # zoomed on while this is computed
+    for _ in range(12):
+        tab.press("Zoom in")
+    assert tab.page.locator("#zoomed").text_content() == "1000 times nearer"
+    tab.until("() => explorer.panels[0].finer?.cells.n === 200 && explorer.panels[0].finer.cells.values.unexpectedness")
+    tab.until("() => { const { map, finer } = explorer.panels[0]; return map.cells === finer.cells; }")
+    assert tab("() => { const { colour, view } = explorer.panels[0].map; return [colour, view.width]; }") == [
+        "unexpectedness", 0.002,
+    ]  # fmt: skip
     tab.press("Whole map")
     tab.until("() => !location.search.includes('view=')")
+
+
+@pytest.mark.slow
+def test_a_movement_that_is_chosen_plays_whatever_the_player_did(visit, server):
+    tab = visit(server.url, plays=True)
+    tab.press("Pause")
+    before = tab.pose()
+    tab.click_map(0.3, 0.2)
+    tab.moved(before)
+    assert tab("() => explorer.player.playing")
+    tab.press("Loop")
+    tab("() => explorer.player.seek(explorer.player.duration - 0.05)")
+    tab.until("() => !explorer.player.playing")
+    tab.click_map(0.7, 0.6)
+    tab.until("() => explorer.player.playing && explorer.player.time > 0.1")
+    time = tab("() => explorer.player.time")
+    tab.press("Ghost of the nearest taught movement")
+    assert tab("() => explorer.player.time") >= time
+    tab.press("Dark or light")
+    tab.page.reload()
+    tab.until("() => globalThis.explorer?.panels[0]?.recall")
+    assert tab("() => document.documentElement.classList.contains('dark')")
+    assert tab("() => explorer.ghost") is False
+    tab.page.goto(f"{server.url}teach")
+    tab.until("() => document.querySelector('#teach-status')?.textContent")
+    assert tab("() => document.documentElement.classList.contains('dark')")
+    assert tab.page.locator("#loop").get_attribute("aria-pressed") == "false"
+    tab.press("Loop")
+    assert tab("() => explorer.player.looping") is True
+
+
+@pytest.mark.slow
+def test_nothing_new_is_said_and_favourites_of_another_tab_are_there_at_once(visit, server):
+    tab = visit(server.url)
+    tab("() => explorer.panels[0].cells.outcome.fill(0)")
+    points = tab.points
+    tab.press("Surprise me")
+    tab.page.get_by_text("Everything usable on this map was taught").wait_for()
+    assert tab.points == points
+    other = tab.context.new_page()
+    other.goto(server.url)
+    other.get_by_role("button", name="Keep as favourite").click()
+    tab.page.locator(".favourite").wait_for(timeout=5_000)
+
+
+@pytest.mark.slow
+def test_on_a_phone_a_long_press_shows_the_card_and_two_memories_are_usable(visit, server):
+    tab = visit(f"{server.url}?beside=open/0", size=(390, 844), has_touch=True, is_mobile=True)
+    tab.until("() => explorer.panels.length === 2 && explorer.panels[1].recall")
+    first, second = (tab.page.locator(name).bounding_box() for name in ("#map", "#map2"))
+    assert first["y"] == second["y"]
+    assert second["x"] >= first["x"] + first["width"] > 180
+    assert tab("() => document.documentElement.scrollWidth <= innerWidth")
+    x, y = tab.place(0.4, 0.5, "#map2")
+    session = tab.context.new_cdp_session(tab.page)
+    session.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
+    card = tab.page.locator("#card")
+    assert card.is_hidden()
+    card.wait_for(state="visible")
+    box = card.bounding_box()
+    assert box["y"] + box["height"] < y  # not under the finger
+    assert 0 <= box["x"] <= box["x"] + box["width"] <= 390
+    assert "most like" in card.text_content()
+    session.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    card.wait_for(state="hidden")
+    assert tab.points[0] == pytest.approx([-0.2, 0.0], abs=0.03)
+    tab.page.evaluate("() => scrollTo(0, 400)")
+    assert tab("() => scrollY") > 0 or tab("() => document.documentElement.scrollHeight") <= 844
+    scene = tab.page.locator("#scene").bounding_box()
+    assert scene["y"] + scene["height"] < 0.45 * 844  # the robot stays
+    tab.press("Details")
+    tab.page.locator("#beside").select_option("")
+    tab.until("() => explorer.panels.length === 1")
+
+
+@pytest.mark.slow
+def test_teaching_is_usable_on_a_phone(visit, server):
+    tab = visit(f"{server.url}teach", size=(390, 844), has_touch=True, is_mobile=True)
+    tab.until("() => document.querySelector('#teach-status').textContent")
+    assert tab("() => document.documentElement.scrollWidth <= innerWidth")
+    tab.page.locator(".key").nth(2).tap()
+    before = tab.pose()
+    slider = tab.page.get_by_label("Left arm shoulder pitch")
+    slider.scroll_into_view_if_needed()
+    box = slider.bounding_box()
+    scene = tab.page.locator("#scene").bounding_box()
+    assert scene["y"] + scene["height"] <= box["y"]  # the robot that it moves stays in sight
+    tab.page.touchscreen.tap(box["x"] + 0.2 * box["width"], box["y"] + box["height"] / 2)
+    tab.moved(before)
+    tab.until("() => document.querySelector('#train-help').textContent.startsWith('First, in step 1: left jab: ')")
+    tab.page.locator("#teach-undo").tap()
+    tab.page.locator("#to-step-2").tap()
+    tab.page.get_by_role("button", name="Train", exact=True).tap()
+    tab.page.get_by_text("rounds, about").wait_for(timeout=120_000)
+    tab.press("Stop")
+    tab.page.get_by_text("Stopped after").wait_for()
+    tab.press("Go on")
+    tab.page.get_by_text("Learned after").wait_for(timeout=300_000)
+    tab.press("Explore this memory")
+    tab.until("() => globalThis.explorer?.panels[0]?.recall && !document.body.classList.contains('loading')")

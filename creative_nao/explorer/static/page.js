@@ -108,8 +108,20 @@ export function show(points, { keep = true, anew = true } = {}) {
   app.points = points.map((pb) => pb.map((value) => Math.min(1, Math.max(-1, value))));
   for (const panel of app.panels) panel.present(panel.memory.recall(app.points), anew);
   app.player.start(anew);
+  if (anew) perform();
   $("hint")?.remove();
   settle(keep);
+}
+
+const still = matchMedia("(prefers-reduced-motion: reduce)");
+
+// A movement that is chosen plays, also while the player is paused or at its end; where nothing may move by itself, the
+// robot stands in the posture that tells it best: all movements begin in the same one.
+function perform() {
+  const { player } = app;
+  if (!still.matches) return player.playing || player.play();
+  const { memory, recall } = app.panels[0];
+  if (!player.playing) player.seek(memory.dt * recall.angles.indexOf(telling(recall.angles)));
 }
 
 let settling = 0;
@@ -561,22 +573,10 @@ function press_toggle(id, name, then) {
   });
 }
 
-function listen() {
-  const on = (id, act, kind = "click") => $(id).addEventListener(kind, act);
-  on("surprise", surprise);
-  on("more", () => jump(app.panels[0].cells, "moreLike", "Nothing usable is near."));
-  on("less", () => jump(app.panels[0].cells, "lessLike", "Nothing usable is far away."));
-  on("undo", () => undo("past", "future"));
-  on("redo", () => undo("future", "past"));
-  on("star", keepFavourite);
-  on("draw", () => setDrawing(!app.drawing));
-  on("whole", () => look(WHOLE));
-  on("zoom-in", () => zoom(2));
-  on("zoom-out", () => zoom(0.5));
-  on("colour", () => look(app.view, $("colour").value), "change");
-  on("open-drawer", () => drawer($("drawer").hidden));
-  on("close-drawer", () => drawer(false));
-  on("shortcuts", () => $("keys").showModal());
+const on = (id, act, kind = "click") => $(id).addEventListener(kind, act);
+
+// What every page has: the player's bar, dark or light, and files that are dropped.
+export function controls(receive) {
   on("play", () => app.player.toggle());
   on("scrub", () => {
     app.player.pause();
@@ -592,12 +592,33 @@ function listen() {
   });
   on("camera", () => app.panels.forEach((panel) => panel.stage?.home()));
   on("full", () => (document.fullscreenElement ? document.exitFullscreen() : $("scene").requestFullscreen()));
+  on("dark", () => kept.set("dark", document.documentElement.classList.toggle("dark") ? "yes" : "no"));
+  document.addEventListener("dragover", (event) => event.preventDefault());
+  document.addEventListener("drop", (event) => {
+    event.preventDefault();
+    const [file] = event.dataTransfer.files;
+    if (file && source.served) receive(file);
+  });
+}
+
+function listen() {
+  on("surprise", surprise);
+  on("more", () => jump(app.panels[0].cells, "moreLike", "Nothing usable is near."));
+  on("less", () => jump(app.panels[0].cells, "lessLike", "Nothing usable is far away."));
+  on("undo", () => undo("past", "future"));
+  on("redo", () => undo("future", "past"));
+  on("star", keepFavourite);
+  on("draw", () => setDrawing(!app.drawing));
+  on("whole", () => look(WHOLE));
+  on("zoom-in", () => zoom(2));
+  on("zoom-out", () => zoom(0.5));
+  on("colour", () => look(app.view, $("colour").value), "change");
+  on("open-drawer", () => drawer($("drawer").hidden));
+  on("close-drawer", () => drawer(false));
+  on("shortcuts", () => $("keys").showModal());
+  controls(receive);
   press_toggle("physics", "physics", () => show(app.points, { keep: false }));
   press_toggle("ghost", "ghost", () => app.panels.forEach((panel) => panel.stage?.setGhost(app.ghost)));
-  on("dark", () => {
-    const dark = document.documentElement.classList.toggle("dark");
-    kept.set("dark", dark ? "yes" : "no");
-  });
   on("place", (event) => {
     event.preventDefault();
     const values = ["pb1", "pb2"].map((id) => Number($(id).value.replace(",", ".")));
@@ -622,13 +643,7 @@ function listen() {
     $("import").value = "";
     if (file) receive(file);
   }, "change");
-  document.addEventListener("dragover", (event) => event.preventDefault());
-  document.addEventListener("drop", (event) => {
-    event.preventDefault();
-    const [file] = event.dataTransfer.files;
-    if (file && source.served) (app.receive ?? receive)(file);
-  });
-  document.addEventListener("keydown", (event) => !app.teaching && key(event));
+  document.addEventListener("keydown", key);
   addEventListener("popstate", () => {
     const place = fromAddress();
     if (place.points) show(place.points, { keep: false });

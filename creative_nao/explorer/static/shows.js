@@ -117,11 +117,10 @@ export async function race(pair = app.panels[0].agents.pair, seed = 1, sign = $(
   [panel.place, place].forEach((host, k) => host.append(racers[k].words));
   skip.addEventListener("click", () => (run.fast = true));
   player.speed = RACE_SPEED;
-  if (!matchMedia("(prefers-reduced-motion: reduce)").matches) player.playing = true;
   const marks = [];
   for (let turn = 0; turn < n && !run.over; turn++) {
     for (const dot of marks) dot[1] = dot[1].replace(" fresh", "");
-    racers.forEach((racer, k) => {
+    racers.map((racer, k) => [racer, k]).reverse().forEach(([racer, k]) => {
       const one = racer.tries[turn];
       if (!one) return;
       racer.total += one.reward;
@@ -130,10 +129,9 @@ export async function race(pair = app.panels[0].agents.pair, seed = 1, sign = $(
       racer.words.textContent = `${racer.name}: ${CHIPS[one.outcome]}, +${one.reward.toFixed(2)}`;
       marks.push([one.pb, `${"ab"[k]} fresh`]);
       if (k) second?.show({ dt: panel.memory.dt, angles: panel.memory.recall([one.pb]).angles });
-      else show([one.pb], { keep: false });
+      else show([one.pb], { keep: false }); // starts both robots
     });
     player.touched = performance.now();
-    player.start(true);
     panel.map.mark({ dots: marks });
     note.textContent = `Try ${turn + 1} of ${n}. A try is a movement, paid by how different it is from all that the robot knows by then.`;
     if (!run.fast) await new Promise((done) => setTimeout(done, turn < FIRST_TURNS ? SLOW_MS : FAST_MS));

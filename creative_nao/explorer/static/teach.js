@@ -4,7 +4,7 @@ import { PBMap, WHOLE } from "./map.js";
 import { Stage } from "./robot.js";
 import { base64Blob, download } from "./source.js";
 import { draftSvg, fill, lossSvg, make } from "./drawing.js";
-import { $, app, pictureOf, source, telling, toast, waiting } from "./page.js";
+import { $, app, controls, pictureOf, source, telling, toast, waiting } from "./page.js";
 import { sheet } from "./shows.js";
 
 const KEPT = "creative-nao-keyframes";
@@ -20,7 +20,6 @@ const here = () => teaching.drafts[teaching.place];
 const keys = () => here()[1];
 
 export async function teach() {
-  app.teaching = true;
   document.title = "Teach the robot: memory explorer";
   for (const part of document.querySelectorAll(".explore-only")) part.hidden = true;
   for (const id of ["tour", "race", "shortcuts", "physics", "ghost"]) $(id).hidden = true;
@@ -38,29 +37,12 @@ export async function teach() {
   const stage = (teaching.stage = new Stage(place, app.robot, app.player));
   app.panels = [{ stage }];
   app.player.looping = false;
+  $("loop").setAttribute("aria-pressed", false);
   lay();
-  controls();
-  app.receive = receive;
+  controls(receive);
   await check();
   pose();
   if (teaching.taught) watch();
-}
-
-function controls() {
-  const on = (id, act, kind = "click") => $(id).addEventListener(kind, act);
-  on("play", () => app.player.toggle());
-  on("scrub", () => {
-    app.player.pause();
-    app.player.seek(($("scrub").value / 1000) * app.player.duration);
-  }, "input");
-  on("camera", () => teaching.stage.home());
-  on("full", () => (document.fullscreenElement ? document.exitFullscreen() : $("scene").requestFullscreen()));
-  on("dark", () => document.documentElement.classList.toggle("dark"));
-  document.addEventListener("dragover", (event) => event.preventDefault());
-  document.addEventListener("drop", (event) => {
-    event.preventDefault();
-    if (event.dataTransfer.files[0]) receive(event.dataTransfer.files[0]);
-  });
 }
 
 const STEPS = ["Pose", "Train", "Explore"];
