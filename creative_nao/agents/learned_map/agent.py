@@ -106,6 +106,13 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
         self._n_pooled = 0
         super().start(context)
 
+    def expect(self, pb: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return what it expects of PB points (n, n_pb) now: probability of being appropriate, distance, spread, (n,).
+
+        The distance is that to everything known, in units of the reward; the reward expected is probability x distance.
+        """
+        return self._map.expect(self._points, *self.rows())(pb)
+
     def untried(self) -> np.ndarray:
         """Return the point with the largest expected reward, shape (n_pb,)."""
         return self.where(1)[0]
