@@ -320,6 +320,7 @@ def _component(name: str, version: str, licences: list[dict], kind: str = "libra
 def agents_page() -> str:
     """Return the cards of the shipped agents; plays the episodes of `random` on their memories and seeds."""
     from creative_nao.agents import load_agent
+    from creative_nao.agents.learned_map.truth import N_POINTS
 
     chance = random_scores()
     cards = []
@@ -330,7 +331,7 @@ def agents_page() -> str:
         by_memory = gain.reshape(len(score.memories), -1).mean(axis=1)
         drawn = np.random.default_rng(0).integers(len(by_memory), size=(10_000, len(by_memory)))
         low, high = np.quantile(by_memory[drawn].mean(axis=1), [0.025, 0.975])
-        film = f"images/agents/{name.replace('/', '-')}.gif"
+        film, curves = (f"images/agents/{name.replace('/', '-')}{end}" for end in (".gif", "_curves.png"))
         cards.append({
             "name": name,
             "header": header,
@@ -341,6 +342,8 @@ def agents_page() -> str:
                 [one.appropriateness_pct for one in score.episodes if one.appropriateness_pct is not None]
             ),
             "film": film if (DOCS / film).is_file() else None,
+            "curves": curves if (DOCS / curves).is_file() else None,
+            "n_memories": header.n_actions_training // N_POINTS if header.agent == "learned_map" else None,
         })  # fmt: skip
     return render("agent_cards.md.jinja", TEMPLATES, cards=cards, chance=chance)
 
