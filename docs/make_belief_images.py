@@ -34,7 +34,7 @@ AGENT, MEMORY, SEED = "learned_map/BoxingMental-v1", "half/12", 0
 """The first test memory with half closed loops and the first seed: nothing was selected."""
 SHOWN_AFTER = (0, 5, 15, 30)
 """Tries after which the figure shows the belief."""
-ENV, N_CELLS = "CreativeNao/BoxingMental-v1", 81
+ENV, N_CELLS = "CreativeNao/BoxingMental-v1", 61
 CHANCE_COLOURS = "Purples"
 RIVAL = "random"
 TURN_S = 0.7
@@ -108,7 +108,7 @@ class Watched(gym.Wrapper):
 
 
 def moments(name: str, n_cells: int | None = None, n_actions: int = 30) -> list[Moment]:
-    """Let an agent play an episode on `MEMORY` without imagining; return every moment, the last included."""
+    """Let an agent play an episode on `MEMORY`; return every moment, the last included."""
     agent, memory = make_agent(name), load_memory(MEMORY)
     env = Watched(make_env(ENV, MEMORY, agent, n_actions), agent, memory, n_cells or N_CELLS)
     rng = np.random.default_rng(SEED)
@@ -171,8 +171,8 @@ def draw_belief(axes: Sequence[Axes], moment: Moment, top: float, letters: np.nd
     area = above / (n_usable * (moment.usable.size - n_usable))
     axes[0].set_title("true reward now", fontsize=9)
     axes[1].set_title(f"expected reward (correlation {r:.2f})", fontsize=9)
-    axes[2].set_title(f"probability of being usable (AUC {area:.2f})", fontsize=9)
-    axes[0].set_ylabel(f"after {len(moment.tries)} tries: {moment.earned:.1f} earned\nPB 2")
+    axes[2].set_title(f"probability usable (AUC {area:.2f})", fontsize=9)
+    axes[0].set_ylabel(f"after {len(moment.tries)} tries: {moment.earned:.1f} earned\nPB 2", fontsize=9)
     return image, chances
 
 
