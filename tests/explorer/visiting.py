@@ -42,7 +42,8 @@ class Server:
 
     def command(self, folder, words, memories):
         command = [sys.executable, "-m", "creative_nao", "explore", *memories, "--no-open", "--port", str(self.port)]
-        return [*command, "--resolution", "30", "--session", str(self.session), *words]
+        small = [] if "--resolution" in words else ["--resolution", "30"]
+        return [*command, *small, "--session", str(self.session), *words]
 
     def answers(self):
         """Tell whether it listens."""
