@@ -22,12 +22,14 @@ def test_ppo_and_sac_ship_for_every_environment_of_the_first_release():
 @pytest.mark.parametrize("name", shipped_agents())
 def test_a_shipped_agent_tells_how_it_was_made(name):
     header = cn.load_agent(name).header
-    agent, env = name.split("/")
+    agent, _, told = name.partition("/")
+    env, _, units = told.partition("-v1-")
+    env, part = (f"{env}-v1", f"-{units}") if units else (env, "")
     assert find_bundle(name).stat().st_size < (700_000 if agent == "learned_map" else 300_000)
     assert header.agent == make_agent(name).name == agent
-    assert header.memory == "train"
+    assert header.memory == f"train{part}"
     assert header.score.env == f"CreativeNao/{env}"
-    assert set(header.score.memories) == set(split_memories("validation"))
+    assert set(header.score.memories) == set(split_memories(f"validation{part}"))
     assert header.command.startswith(f"creative-nao agent train {agent} --env CreativeNao/{env} ")
 
 
