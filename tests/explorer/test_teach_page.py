@@ -44,7 +44,7 @@ def test_what_cannot_be_taught_is_said_where_it_blocks_and_not_before(teach):
     teach.press("New")
     teach.until("() => document.querySelector('#teach-status').textContent.includes('still stands: choose its second')")
     assert "fault" not in (status.get_attribute("class") or "")  # nobody has posed it yet
-    assert teach.page.get_by_role("button", name="Train", exact=True).is_disabled()
+    teach.until("() => document.querySelector('#train').disabled")
     assert "First, in step 1: my move still stands" in teach.page.locator("#train-help").text_content()
     teach.page.locator(".key").nth(1).click()
     teach.page.get_by_label("Right arm shoulder pitch").fill("-2")

@@ -252,7 +252,7 @@ GROWING = {
     "training_log": (TABLE, callbacks.MAX_LOG_BYTES),
     "motion_py": (PYTHON, robot_program.MAX_PYTHON_BYTES),
     **dict.fromkeys(
-        ("memory", "checkpoint", "bundle", "zoo_bundle", "state", "agent_checkpoint"),
+        ("memory", "checkpoint", "bundle", "zoo_bundle", "state", "agent_checkpoint", "truth", "body_sense"),
         (TENSORS, arrays.MAX_HEADER_BYTES),
     ),
     **dict.fromkeys(("map", "physical", "unfinished"), (ARCHIVE, arrays.MAX_UNPACKED_BYTES)),

@@ -191,7 +191,7 @@ CHANGES = {
 ARRAY = {
     "memory": "parameter/rho", "checkpoint": "vector", "bundle": "action_net.weight", "zoo_bundle": "actor.mu.weight",
     "state": "x", "agent_checkpoint": "record.episode_rewards", "map": "distance", "physical": "distance",
-    "unfinished": "hits", "motion_npz": "angles",
+    "unfinished": "hits", "motion_npz": "angles", "truth": "distances", "body_sense": "w0",
 }  # fmt: skip
 MAY_BE = {
     *(("state", change) for change in CHANGES if change not in ("NaN", "infinities")),  # its environment checks it

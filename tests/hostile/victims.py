@@ -16,8 +16,11 @@ import gymnasium as gym
 import numpy as np
 
 from creative_nao import exchange, load_agent
+from creative_nao.agents.body_sense import N_FEATURES, BodySense, SenseHeader, SenseSettings
 from creative_nao.agents.bundle import BundleHeader, save_bundle
 from creative_nao.agents.callbacks import read_log
+from creative_nao.agents.learned_map.episodes import SimulatedEpisode, random_warp
+from creative_nao.agents.learned_map.truth import MemoryTruth, memory_truth
 from creative_nao.agents.resume import ResumeState as AgentState
 from creative_nao.agents.resume import TrainingRecord
 from creative_nao.agents.resume import load_checkpoint as load_agent_checkpoint
@@ -46,7 +49,7 @@ TRAINING = TrainingSettings(n_epochs=1)
 ENV = "CreativeNao/BoxingMental-v0"
 PLAN = {"env": ENV, "seed": 0}
 
-TENSORS = ("memory", "checkpoint", "bundle", "zoo_bundle", "state", "agent_checkpoint")
+TENSORS = ("memory", "checkpoint", "bundle", "zoo_bundle", "state", "agent_checkpoint", "truth", "body_sense")
 ARCHIVES = ("map", "physical", "unfinished", "motion_npz")
 JSONS = ("session", "record", "results", "published", "job", "job_result", "taught", "motion_json", "motion_ros_json")
 TABLES = ("csv", "motion_csv", "episodes", "training_log")
@@ -57,9 +60,13 @@ TEXTS = (
 KINDS = (*TENSORS, *ARCHIVES, *TEXTS)
 FOREIGN = ("motion_states", "motion_program", "motion_timeline", "motion_postures", "take_csv", "take_bvh")
 """What other programs write; no release of this one did."""
+SINCE = ("truth", "body_sense")
+"""Kinds that came after release 0.1.0."""
 
 READERS = {
+    "creative_nao/agents/body_sense.py": ("body_sense",),
     "creative_nao/agents/bundle.py": ("bundle", "zoo_bundle"),
+    "creative_nao/agents/learned_map/truth.py": ("truth",),
     "creative_nao/agents/settings.py": ("yaml",),
     "creative_nao/agents/resume.py": ("agent_checkpoint",),
     "creative_nao/agents/callbacks.py": ("training_log",),
@@ -103,6 +110,7 @@ OWN_FILES = {
     "creative_nao/evaluation/paper/page.py": "results it has just written",
     "creative_nao/evaluation/paper/summary.py": "figures it kept, done again when they do not fit",
     "creative_nao/evaluation/runner.py": "logs of its own jobs, and what they wrote",
+    "creative_nao/explorer/live_agents.py": "headers of the agents that ship",
     "creative_nao/explorer/recordings.py": "the recording it has just written",
     "creative_nao/explorer/robot_service.py": "the film it has just drawn",
     "creative_nao/explorer/server.py": "files of the page, what it has just written",
@@ -158,6 +166,10 @@ def make_victims(folder: Path) -> dict[str, Victim]:
             EnvState("Boxing", {"n": 1}, {"x": np.zeros(2)}).save(folder / "state.safetensors"), EnvState.load
         ),
         "agent_checkpoint": _agent_checkpoint(folder / "agent.safetensors"),
+        "truth": Victim(
+            memory_truth(memory, "rise", 4).save(folder / "rise.truth.safetensors"), MemoryTruth.load, use=_shown
+        ),
+        "body_sense": Victim(_sense().save(folder / "sense.safetensors"), BodySense.load, use=_refusal),
         "map": Victim(_chart().save(folder / "map.npz"), PBMap.load, use=lambda chart: chart.learned_region_pct()),
         "physical": Victim(_physical(4).save(folder / "physical.npz"), PhysicalMap.load, use=PhysicalMap.summary),
         "unfinished": Victim(
@@ -176,10 +188,8 @@ def make_victims(folder: Path) -> dict[str, Victim]:
         "episodes": _text(
             folder / "episodes.csv",
             EPISODES,
-            lambda path: RunEpisodes(_in_place(path, "episodes.csv")),
-            use=lambda run: _finite(
-                np.array([one.pb for tries in run.of("half/0").get("random", []) for one in tries])
-            ),
+            lambda path: RunEpisodes(_in_place(path, "episodes.csv")).of("half/0"),
+            use=lambda found: _finite(np.array([one.pb for tries in found.get("random", []) for one in tries])),
         ),
         "training_log": _text(folder / "progress.csv", "n_decisions,loss\n64,0.5\n128,0.25\n", read_log),
         **_run_folder(folder / "run"),
@@ -203,6 +213,24 @@ EPISODES = (
     "agent,env,memory,seed,step,pb_1,pb_2,outcome,reward\n"
     f"random,{ENV},half/0,0,1,0.25,-0.5,learned,0\nrandom,{ENV},half/0,0,2,0.5,0.5,unlearned,0.75\n"
 )
+
+
+def _shown(truth: MemoryTruth) -> None:
+    episode = SimulatedEpisode(truth, random_warp(truth.form[0], np.random.default_rng(0)), np.arange(truth.form[1]))
+    episode.perform_best(2, 2, np.random.default_rng(0))
+    assert np.isfinite(episode.earned).all()
+
+
+def _sense() -> BodySense:
+    """A sense of two hidden units that has learned nothing."""
+    header = SenseHeader(SenseSettings(n_hidden=2), ("half/0",), {"auc": 0.5}, {"command": "test"})
+    shapes = ((N_FEATURES,), (N_FEATURES,), (N_FEATURES, 2), (2,), (2, 2), (2,), (2, 3), (3,), (3,), (3,))
+    names = ("centre", "spread", "w0", "b0", "w1", "b1", "w2", "b2", "steepness", "edge")
+    return BodySense(header, {name: np.ones(shape, np.float32) for name, shape in zip(names, shapes, strict=True)})
+
+
+def _refusal(sense: BodySense) -> None:
+    assert np.isfinite(sense.refusal(np.zeros((1, 4, 8), np.float32), 0.1)).all()
 
 
 def _text(path: Path, text: str, load: Callable[[Path], Any], use: Any = lambda loaded: None) -> Victim:
