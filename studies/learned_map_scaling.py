@@ -162,7 +162,7 @@ def run(settings: ScalingSettings) -> dict[str, Any]:
     ]
     result = {"env": ENV, "seeds": [*PLAYED_SEEDS], "recipe": recipe, "versions": versions(), "rows": rows}
     for folder, image in [(settings.out, settings.out)] + (
-        [] if settings.docs is None else [(settings.docs / "results", settings.docs / "images")]
+        [] if settings.docs is None else [(settings.docs, settings.docs / "images")]
     ):
         storage.write_json(folder / f"{NAME}.json", result, 1)
         draw(rows, image / NAME)
