@@ -207,6 +207,7 @@ def _imaginer(env: gym.Env) -> Callable[[np.ndarray, bool], list[dict[str, Any]]
             for point in pb:
                 twins[0].set_state(state)
                 info: dict[str, Any] = {}
+                reward: Any = 0.0
                 while "outcome" not in info:  # where a movement takes several decisions, the PB is held
                     _, reward, _, _, info = twins[0].step(point)
                 found.append({**info, "reward": float(reward)})

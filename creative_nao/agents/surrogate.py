@@ -73,7 +73,7 @@ class SurrogateAgent(PlanningAgent[SurrogateSettings]):
         drawn = uniform_points(self.context, max(settings.n_drawn, n))
         mean, deviation, appropriate = self.predict(drawn)
         distance = dtw_matrix(mean.astype(np.float32), self._known, dtype=np.float32).min(axis=1)
-        value = appropriate * (distance + settings.optimism * deviation) * self.accepted(mean)
+        value = appropriate * (distance + settings.optimism * deviation) * self.accepted(list(mean))
         return drawn[np.argsort(-value, kind="stable")[:n]]
 
     def predict(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

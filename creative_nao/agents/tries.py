@@ -101,6 +101,9 @@ class TryWeights(nn.Module):
         SettingsError: If a size is below 1.
     """
 
+    line: torch.Tensor
+    where: torch.Tensor
+
     def __init__(self, features: TryFeatures, width: int, n_layers: int) -> None:
         super().__init__()
         for name, value in (("width", width), ("n_layers", n_layers)):
@@ -158,9 +161,10 @@ class TryNetwork(nn.Module):
         self.value = nn.Sequential(nn.Linear(n_inputs, n_hidden), nn.Tanh(), nn.Linear(n_hidden, n_hidden), nn.Tanh())
         self.commit = None
         if features.rehearsal:
-            self.commit = nn.Sequential(nn.Linear(n_inputs, n_hidden), nn.Tanh(), nn.Linear(n_hidden, 1))
-            nn.init.zeros_(self.commit[2].weight)
-            nn.init.constant_(self.commit[2].bias, -2.0)  # about one in eight
+            last = nn.Linear(n_hidden, 1)
+            self.commit = nn.Sequential(nn.Linear(n_inputs, n_hidden), nn.Tanh(), last)
+            nn.init.zeros_(last.weight)
+            nn.init.constant_(last.bias, -2.0)  # about one in eight
         self.latent_dim_pi, self.latent_dim_vf = len(features.places) + features.rehearsal, n_hidden
 
     def forward(self, observations: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

@@ -127,8 +127,8 @@ def _from_body(name: str, content: bytes, dt_s: float) -> list[dict[str, Any]]:
             (action,) = from_motion(take, {"cut": [(cut.start_s, cut.end_s)]})
             refused = action.refused
         except CreativeNaoError as error:
-            refused = str(error)
-        if refused:
+            action, refused = None, str(error)
+        if action is None or refused:
             left_out.append(f"{place} is left out: {refused}")
             continue
         report = action.report
