@@ -166,7 +166,7 @@ class PlanningAgent(MovementAgent[S]):
         """Return the factor by which refused movements make similar ones (n, n_steps, n_joints) less likely, (n,)."""
         if not len(refused) or not len(moves):
             return np.ones(len(moves))
-        return -np.expm1(-(dtw_matrix(moves, refused) + 1e-9) / self.body.refused_scale).prod(axis=1)
+        return (-np.expm1(-(dtw_matrix(moves, refused) + 1e-9) / self.body.refused_scale)).prod(axis=1)
 
     def imagine(self, points: np.ndarray) -> None:
         """Imagine movements, shape (n, n_pb), and keep those that are appropriate."""

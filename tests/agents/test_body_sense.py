@@ -130,6 +130,11 @@ def test_a_refused_movement_makes_similar_ones_less_likely(demos):
     agent.refuse(demos.trajectories[0])
     chance = agent.accepted([near, far])
     assert chance[0] < chance[1] < 1.0
+    agent.refuse(demos.trajectories[1])
+    both = agent.accepted([near, far, demos.trajectories[2]])
+    assert (both >= 0.0).all()  # a probability, however many were refused
+    assert both[0] < chance[0]
+    assert both[1] < both[2] < 1.0
 
 
 @pytest.mark.slow
