@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from creative_nao.agents.learned_map.agent import LearnedMapSettings, refined
 from creative_nao.agents.learned_map.truth import spread_points
-from creative_nao.envs.observation import N_APPROPRIATE, layout, split, try_columns
+from creative_nao.envs.observation import N_APPROPRIATE, split, tries_of
 from creative_nao.errors import SettingsError, ShapeError
 from creative_nao.measures.outcome import ALL_OUTCOMES, OUTCOME_CODE
 
@@ -26,26 +26,28 @@ DRAWN_AT = 0.1
 
 
 class _Attention(nn.Module):
-    """A layer in which points read a set of tries; each head prefers near ones by a weight that it learns."""
+    """Attention from points to a set of tries; a head's weights decay with the squared distance, at a learned rate."""
 
     def __init__(self, width: int, n_heads: int, dropout: float) -> None:
         super().__init__()
         self.n_heads, self.dropout = n_heads, nn.Dropout(dropout)
-        self.ask, self.tell, self.out = nn.Linear(width, width), nn.Linear(width, 2 * width), nn.Linear(width, width)
-        self.norm_ask, self.norm_tell, self.norm = nn.LayerNorm(width), nn.LayerNorm(width), nn.LayerNorm(width)
-        self.step = nn.Sequential(nn.Linear(width, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
-        self.nearness = nn.Parameter(torch.linspace(-1.0, 5.0, n_heads))
+        self.query, self.key_value = nn.Linear(width, width), nn.Linear(width, 2 * width)
+        self.out = nn.Linear(width, width)
+        self.norm_query, self.norm_tries, self.norm = nn.LayerNorm(width), nn.LayerNorm(width), nn.LayerNorm(width)
+        self.feed_forward = nn.Sequential(nn.Linear(width, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
+        self.log_decay = nn.Parameter(torch.linspace(-1.0, 5.0, n_heads))
 
-    def forward(self, points: Tensor, tries: Tensor, squares: Tensor, here: Tensor) -> Tensor:
-        """Return the points (b, q, width) after reading tries (b, n, width) where `here` (b, n)."""
+    def forward(self, points: Tensor, tries: Tensor, squares: Tensor, mask: Tensor) -> Tensor:
+        """Return the points (b, q, width) after reading tries (b, n, width) where `mask` (b, n)."""
         b, q, width = points.shape
-        ask = self.ask(self.norm_ask(points)).view(b, q, self.n_heads, -1).transpose(1, 2)
-        told = self.tell(self.norm_tell(tries)).view(b, tries.shape[1], 2, self.n_heads, -1).permute(2, 0, 3, 1, 4)
-        near = -squares[:, None] * self.nearness.exp()[None, :, None, None]
-        weight = ask @ told[0].transpose(-1, -2) / ask.shape[-1] ** 0.5 + near
-        weight = weight.masked_fill(~here[:, None, None, :], -1e9).softmax(-1)
-        points = points + self.dropout(self.out((weight @ told[1]).transpose(1, 2).reshape(b, q, width)))
-        return points + self.dropout(self.step(self.norm(points)))
+        query = self.query(self.norm_query(points)).view(b, q, self.n_heads, -1).transpose(1, 2)
+        key_value = self.key_value(self.norm_tries(tries)).view(b, -1, 2, self.n_heads, width // self.n_heads)
+        key, value = key_value.permute(2, 0, 3, 1, 4)
+        decay = squares[:, None] * self.log_decay.exp()[None, :, None, None]
+        weight = query @ key.transpose(-1, -2) / query.shape[-1] ** 0.5 - decay
+        weight = weight.masked_fill(~mask[:, None, None, :], -1e9).softmax(-1)
+        points = points + self.dropout(self.out((weight @ value).transpose(1, 2).reshape(b, q, width)))
+        return points + self.dropout(self.feed_forward(self.norm(points)))
 
 
 class AttentiveMap(nn.Module):
@@ -86,30 +88,27 @@ class AttentiveMap(nn.Module):
         self.settings = LearnedMapSettings(n_asked, n_refined, first_share)
         self.observation_space, self.action_space = observation_space, action_space
         n_pb = action_space.shape[0]
-        n_points = int((observation_space.low < 0.0).argmin())  # the first of a try says whether there was one
-        self.n_basic = n_basic = n_points // n_pb
-        self.columns = try_columns(n_basic, n_pb)
-        n_values = observation_space.shape[0]
-        n_rows, rest = divmod(n_values - 1 - n_points, self.columns[-1].stop)
-        if n_points % n_pb or rest or n_basic < 1 or n_rows < 1:
+        self.parts, self.columns = tries_of(observation_space)
+        self.n_basic = n_basic = self.columns[-1].size
+        if self.columns[-1].name != "distances" or self.columns[1].size != n_pb:
             raise SettingsError(
-                f"no -v1 observation of the track `trajectories` has {n_values} values, {n_pb} PB units"
+                f"`observation_space` should tell tries of {n_pb} PB units and their distances to the basic actions, "
+                f"as -v1 does, but tells {', '.join(column.name for column in self.columns)}"
             )
         if width % n_heads:
             raise SettingsError(f"`n_heads` should divide `width` {width}, but is {n_heads}")
-        self.parts = layout(n_basic, n_pb, n_rows=n_rows)
         self.candidates = spread_points(n_pb, n_asked).astype(np.float32)
         n_told = self.columns[-1].stop - 1  # of a row, all but whether there is one
-        self.read_try = self._reader(n_told + 3 + n_basic, width)
-        self.read_point = self._reader(n_pb + 2 * N_WAVES + 4 * len(SCALES), width)
-        self.among = nn.ModuleList(_Attention(width, n_heads, dropout) for _ in range(n_layers))
-        self.towards = nn.ModuleList(_Attention(width, n_heads, dropout) for _ in range(n_layers))
+        self.embed_try = self._embedding(n_told + 3 + n_basic, width)
+        self.embed_point = self._embedding(n_pb + 2 * N_WAVES + 4 * len(SCALES), width)
+        self.encoder = nn.ModuleList(_Attention(width, n_heads, dropout) for _ in range(n_layers))
+        self.decoder = nn.ModuleList(_Attention(width, n_heads, dropout) for _ in range(n_layers))
         self.head = nn.Sequential(nn.LayerNorm(width), nn.Linear(width, 3 + n_basic))
         self.register_buffer("waves", 2.0 * torch.randn(n_pb, N_WAVES))
         self.register_buffer("basic_gaps", torch.zeros(n_basic, n_basic))
 
     @staticmethod
-    def _reader(n_values: int, width: int) -> nn.Module:
+    def _embedding(n_values: int, width: int) -> nn.Module:
         return nn.Sequential(nn.Linear(n_values, width), nn.GELU(), nn.Linear(width, width))
 
     def encode(self, points: Tensor, rows: Tensor, performed: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -137,8 +136,8 @@ class AttentiveMap(nn.Module):
         kinds = torch.stack([flags[..., 0], flags[..., 1] * usable, flags[..., 2] * usable, here * (1.0 - usable)], -1)
         kinds = torch.cat([kinds.new_tensor([1.0, 0.0, 0.0, 0.0]).expand(b, n_basic, 4), kinds], 1)
         told = torch.cat([taught, tries], 1)
-        tokens, where = self.read_try(told), told[..., :n_pb]
-        for layer in self.among:
+        tokens, where = self.embed_try(told), told[..., :n_pb]
+        for layer in self.encoder:
             tokens = layer(tokens, tokens, squares(where, where), kinds.sum(-1) > 0.0)
         return tokens, where, kinds
 
@@ -147,8 +146,8 @@ class AttentiveMap(nn.Module):
         tokens, where, kinds = known
         far, waves = squares(pb, where), pb @ self.waves
         density = [torch.log(torch.exp(far / (-2.0 * scale**2)) @ kinds + 0.01) for scale in SCALES]
-        asked = self.read_point(torch.cat([pb, waves.sin(), waves.cos(), *density], -1))
-        for layer in self.towards:
+        asked = self.embed_point(torch.cat([pb, waves.sin(), waves.cos(), *density], -1))
+        for layer in self.decoder:
             asked = layer(asked, tokens, far, kinds.sum(-1) > 0.0)
         return self.head(asked)
 
