@@ -35,19 +35,20 @@ def trained_agents(memory: Memory) -> list[str]:
         for kind in (CELLS, *(track for track in Track if track != Track.MAP))
     }
     mental = [name for name in shipped_agents() if _environment(name).startswith(MENTAL)]
-    return sorted((name for name in mental if _trained_on(name)[0] in seen), key=lambda name: -_trained_on(name)[1])
+    return sorted((name for name in mental if _trained_on(name)[1] in seen), key=lambda name: -_trained_on(name)[2])
 
 
 @functools.cache
-def _trained_on(name: str) -> tuple[tuple[int, ...], float]:
-    """Return the shape of what an agent observes and its recorded score; making its policy would load torch."""
+def _trained_on(name: str) -> tuple[str, tuple[int, ...], float]:
+    """Return an agent's environment, the shape of what it observes and its score; its policy would load torch."""
     header, _ = load_tensors(find_bundle(name), kind=KIND)
-    return tuple(header["observation_space"]["shape"]), float((header.get("score") or {}).get("mean", 0.0))
+    score = header["score"]  # all that ship record one, in the environment that they are for
+    return score["env"], tuple(header["observation_space"]["shape"]), float(score["mean"])
 
 
 def _environment(name: str) -> str:
     """Return the environment that an agent plays in: a trained one where it was trained."""
-    return f"CreativeNao/{name.partition('/')[2]}" if "/" in name else UNTRAINED_ENVIRONMENT
+    return _trained_on(name)[0] if "/" in name else UNTRAINED_ENVIRONMENT
 
 
 def agents_for(memory: Memory, run: RunEpisodes | None = None) -> dict[str, Any]:

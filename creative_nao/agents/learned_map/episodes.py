@@ -115,7 +115,7 @@ class SimulatedEpisode:
         return np.concatenate(columns, axis=1, dtype=np.float32), np.arange(len(tried)) >= len(self.imagined)
 
 
-def shown(episodes: Sequence[SimulatedEpisode]) -> list[Tensor]:
+def network_inputs(episodes: Sequence[SimulatedEpisode]) -> list[Tensor]:
     """Return what the network is told in b episodes: learned points (b, n_basic, n_pb), rows, whether performed."""
     told = [one.rows() for one in episodes]
     n_pb, n_basic = episodes[0].truth.form
@@ -128,7 +128,7 @@ def shown(episodes: Sequence[SimulatedEpisode]) -> list[Tensor]:
     return [torch.from_numpy(one) for one in (points, all_rows, performed)]
 
 
-def asked(episodes: Sequence[SimulatedEpisode], n_queries: int, rng: np.random.Generator) -> list[Tensor]:
+def queries_and_targets(episodes: Sequence[SimulatedEpisode], n_queries: int, rng: np.random.Generator) -> list[Tensor]:
     """Draw points to ask, (b, q, n_pb), and return them with the truth there.
 
     Whether appropriate (b, q), the distance to everything known (b, q), and that to each basic action (b, q, n_basic).
@@ -158,7 +158,7 @@ def play_greedily(
     points = np.stack([one.warp(one.truth.pb) for one in episodes])
     with torch.inference_mode():
         for _ in range(N_ACTIONS):
-            known = policy.encode(*shown(episodes))
+            known = policy.encode(*network_inputs(episodes))
             n = points.shape[1]
             places = np.tile(np.arange(n), (len(episodes), 1))
             if n_asked is not None:

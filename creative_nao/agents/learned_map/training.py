@@ -114,7 +114,7 @@ class Simulator:
         return SimulatedEpisode(self.truths[place], warp, np.array(swapped or range(n_basic)))
 
     def batch(self, rng: np.random.Generator) -> tuple[list[Tensor], list[Tensor]]:
-        """Return what is shown in a batch of episodes, and what is asked, with the truth: `shown`, `asked`."""
+        """Return the `network_inputs` of a batch of episodes and its `queries_and_targets`."""
         recipe, imagines = self.recipe, bool(rng.random() < self.recipe.imagined_share)
         most, found = int(rng.choice(N_IMAGINED)), []
         for _ in range(max(recipe.batch_size // 2, 1) if imagines else recipe.batch_size):
@@ -131,7 +131,7 @@ class Simulator:
             for one in (again or [])[:n]:
                 episode.perform(one)
             found.append(episode)
-        return episodes.shown(found), episodes.asked(found, recipe.n_queries, rng)
+        return episodes.network_inputs(found), episodes.queries_and_targets(found, recipe.n_queries, rng)
 
     def play(self, policy: AttentiveMap, rng: np.random.Generator) -> None:
         """Let the map play episodes and keep them."""
