@@ -18,19 +18,21 @@ from creative_nao.evaluation.pages import env_label
 from creative_nao.evaluation.protocol import Episode
 from creative_nao.evaluation.results import CURVE, Entry, Measured, entries_of
 from creative_nao.evaluation.suites import Suite
-from creative_nao.maps.figure_style import BLUE, FAINT, GREEN, INK, ORANGE, OUTCOME_COLOURS, figure
+from creative_nao.maps.figure_style import FAINT, GREEN, INK, ORANGE, OUTCOME_COLOURS, figure
 
 AGENTS = {
-    "supervised": BLUE, "random": ORANGE, "ppo": GREEN, "oracle": INK, "sobol": "#882255", "replay": FAINT,
-    "cma_es": "#CC6677", "cma_me": "#AA4499", "map_elites": "#B8860B", "novelty_search": "#44AA99",
-    "bayesian": "#332288", "sac": "#117733", "td3": "#999933", "tqc": "#6699CC", "crossq": "#661100",
-    "recurrent_ppo": "#88CCEE", "lattice": "#888888", "spread": "#B8860B", "spread_points": "#CC6677",
-    "surrogate": "#AA4499", "plan": BLUE, "imagine": ORANGE, "imagine_with_body": GREEN,
-    "plan_with_sense": "#332288", "plan_with_body": "#117733", "learned_map": "#C2003A",
+    "supervised": ("#64005D", "v"), "random": (ORANGE, "s"), "ppo": (GREEN, "D"), "oracle": (INK, "p"),
+    "sobol": ("#016B8E", "<"), "replay": ("#07D7FA", ">"), "cma_es": ("#9A88C4", "h"), "cma_me": ("#C5CB18", "o"),
+    "map_elites": ("#D832FF", "^"), "novelty_search": ("#321FAD", "*"), "bayesian": ("#FFA0BA", "X"),
+    "sac": ("#8500DD", "P"), "td3": ("#0D4503", "p"), "tqc": ("#DB8FDA", "^"), "crossq": ("#86D788", "X"),
+    "recurrent_ppo": ("#B7007D", "<"), "lattice": ("#4A2BFF", "P"), "spread": ("#C677FF", "<"),
+    "spread_points": ("#76749D", ">"), "surrogate": ("#A800BE", "o"), "plan": ("#000098", "^"),
+    "imagine": ("#565900", "X"), "imagine_with_body": ("#AD56D6", "s"), "plan_with_sense": ("#86B2FF", "h"),
+    "plan_with_body": ("#4452A2", "o"), "learned_map": ("#C2003A", "*"),
 }  # fmt: skip
+"""Colour and shape of an agent: those of one published run differ in both, with every kind of colour vision."""
 OTHERS = ("#CC6677", "#44AA99", "#332288", "#999933", "#AA4499", "#661100")
 SHAPES = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
-"""Agents differ in shape too, so that nothing rests on colour alone."""
 
 
 def agent_label(agent: str) -> str:
@@ -40,15 +42,16 @@ def agent_label(agent: str) -> str:
     return label if number is None else f"{label}@{number}"
 
 
+def agent_look(agent: str) -> tuple[str, str]:
+    """Return the colour and the shape of an agent; the same for the same name."""
+    label = agent_label(split_name(agent)[0])
+    number = sum(label.encode())
+    return AGENTS.get(label) or (OTHERS[number % len(OTHERS)], SHAPES[number % len(SHAPES)])
+
+
 def agent_colour(agent: str) -> str:
-    """Return the colour of an agent; the same for the same name."""
-    label = agent_label(split_name(agent)[0])
-    return AGENTS.get(label) or OTHERS[sum(label.encode()) % len(OTHERS)]
-
-
-def _marker(agent: str) -> str:
-    label = agent_label(split_name(agent)[0])
-    return SHAPES[(list(AGENTS).index(label) if label in AGENTS else sum(label.encode())) % len(SHAPES)]
+    """Return the colour of an agent."""
+    return agent_look(agent)[0]
 
 
 WIDTH = 8.6
@@ -285,11 +288,11 @@ def _interval(
     if found["low"] is not None:
         ends = [scale * found["low"], scale * found["high"]]
         ax.plot(ends, [place, place], color=colour, linewidth=4, solid_capstyle="round", alpha=alpha)
-    ax.plot(scale * found["mean"], place, _marker(agent), color="white", mec=colour, mew=edge, ms=size)
+    ax.plot(scale * found["mean"], place, agent_look(agent)[1], color="white", mec=colour, mew=edge, ms=size)
 
 
 def _line(ax: Axes, x: np.ndarray, y: np.ndarray, agent: str, width: float = 1.8, markevery: int | None = None) -> None:
-    look = {"color": agent_colour(agent), "marker": _marker(agent), "markersize": 5, "linewidth": width}
+    look = {"color": agent_colour(agent), "marker": agent_look(agent)[1], "markersize": 5, "linewidth": width}
     ax.plot(x, y, label=agent_label(agent), markevery=markevery, **look)
 
 
