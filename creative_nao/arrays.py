@@ -18,7 +18,7 @@ import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -32,6 +32,13 @@ MAX_HEADER_BYTES = 1_000_000
 MAX_FILE_BYTES = 256_000_000
 _OF_ARRAYS = "arrays_sha256"
 """Key of a header: the SHA-256 of each array by its name; the `SEAL` beside it is that of the header."""
+Shared = Callable[[], Mapping[str, np.ndarray]]
+"""Gives arrays that every installation has, by their SHA-256: a packed file only names them."""
+_XZ = b"\xfd7zXZ\0"
+_XZ_MEMORY_BYTES = 100_000_000  # most that unpacking may take; the highest level of `xz` asks for 65 MB
+_FOR_FLOATS = {
+    "id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": 0, "lp": 2, "pb": 2, "dict_size": 2**20,
+}  # fmt: skip
 
 
 @record
@@ -44,20 +51,30 @@ class _Entry:
 
 
 def save_tensors(
-    path: str | os.PathLike[str], *, kind: str, header: dict[str, Any], tensors: dict[str, np.ndarray]
+    path: str | os.PathLike[str],
+    *,
+    kind: str,
+    header: dict[str, Any],
+    tensors: dict[str, np.ndarray],
+    shared: Shared = dict,
 ) -> Path:
     """Write `tensors` and a `header` of JSON values without NaN to one file, in one step, and return its path.
 
-    `kind` says what the file holds, for example ``memory``; it is checked when the file is read.
+    `kind` says what the file holds, for example ``memory``; it is checked when the file is read. A path that ends in
+    ``.xz`` gets a packed file: compressed without loss, and of the `shared` arrays it holds the SHA-256 only.
     """
+    path = checked_path(path)
     tensors = {name: np.asarray(one, one.dtype.newbyteorder("="), order="C") for name, one in tensors.items()}
     digests = {name: hashlib.sha256(array.tobytes()).hexdigest() for name, array in tensors.items()}
-    content = _packed({"kind": kind, SEAL: BLANK, _OF_ARRAYS: digests, **header}, tensors)
+    if path.suffix == ".xz":
+        tensors = {name: array for name, array in tensors.items() if digests[name] not in shared()}
+    content = _framed({"kind": kind, SEAL: BLANK, _OF_ARRAYS: digests, **header}, tensors)
     end = 8 + int.from_bytes(content[:8], "little")
-    return write_bytes(checked_path(path), sealed(content[:end]) + content[end:])
+    content = sealed(content[:end]) + content[end:]
+    return write_bytes(path, lzma.compress(content, filters=[_FOR_FLOATS]) if path.suffix == ".xz" else content)
 
 
-def _packed(told: dict[str, Any], tensors: dict[str, np.ndarray]) -> bytes:
+def _framed(told: dict[str, Any], tensors: dict[str, np.ndarray]) -> bytes:
     from safetensors.numpy import save
 
     # One entry only: the format keeps several in no fixed order, and equal content should give equal bytes.
@@ -65,17 +82,21 @@ def _packed(told: dict[str, Any], tensors: dict[str, np.ndarray]) -> bytes:
     return save(tensors, metadata)
 
 
-def unsealed_sha256(path: str | os.PathLike[str], *, kind: str) -> str:
+def unsealed_sha256(path: str | os.PathLike[str], *, kind: str, shared: Shared = dict) -> str:
     """Return the SHA-256 that a file of `save_tensors` has, or had, without the digests in its header.
 
     Release 0.1.0 wrote none: the records of its runs name the shipped memories and agents by this hash.
     """
-    header, tensors = load_tensors(path, kind=kind)
-    return hashlib.sha256(_packed({"kind": kind, **header}, tensors)).hexdigest()
+    header, tensors = load_tensors(path, kind=kind, shared=shared)
+    return hashlib.sha256(_framed({"kind": kind, **header}, tensors)).hexdigest()
 
 
-def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Return the header and the arrays by name of a file of `save_tensors`.
+def load_tensors(
+    path: str | os.PathLike[str], *, kind: str, shared: Shared = dict
+) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Return the header and the arrays by name of a file of `save_tensors`, packed or not.
+
+    An array that the header names by its SHA-256 and the file does not hold is taken from `shared`, if it is there.
 
     Raises:
         NotFoundError: If there is no such file.
@@ -85,7 +106,7 @@ def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, 
     from safetensors.numpy import load
 
     path = checked_path(path)
-    content = read_bytes(path, f"{kind} file", MAX_FILE_BYTES)
+    content = _without_xz(path, kind, read_bytes(path, f"{kind} file", MAX_FILE_BYTES))
     metadata, entries = _check_frame(path, kind, content)
     told = metadata.get("creative_nao")
     if not isinstance(told, str):
@@ -105,10 +126,29 @@ def load_tensors(path: str | os.PathLike[str], *, kind: str) -> tuple[dict[str, 
     found = header.pop("kind", None)
     if found != kind:
         raise FileFormatError(f"{path}: expected kind {kind!r}, but its header says kind {found!r}")
+    left_out = {name: digest for name, digest in digests.items() if name not in entries}
+    known = shared() if left_out else {}
+    filled = {name: known[digest] for name, digest in left_out.items() if isinstance(digest, str) and digest in known}
     try:
-        return header, load(content)
+        return header, load(content) | filled
     except (SafetensorError, ValueError, KeyError, TypeError) as error:
         raise FileFormatError(f"{path}: the arrays of the {kind} cannot be read: {error}") from error
+
+
+def _without_xz(path: Path, kind: str, content: bytes) -> bytes:
+    """Return the content of a packed file, of at most `MAX_FILE_BYTES`; that of any other file as it is."""
+    if not content.startswith(_XZ):
+        return content
+    unpacker = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=_XZ_MEMORY_BYTES)
+    try:
+        content = unpacker.decompress(content, MAX_FILE_BYTES + 1)
+    except (lzma.LZMAError, MemoryError) as error:
+        raise FileFormatError(f"{path}: no {kind} file: its XZ compression is damaged: {error}") from error
+    if len(content) > MAX_FILE_BYTES:
+        raise FileFormatError(f"{path}: no {kind} file: it unpacks to more than {MAX_FILE_BYTES} bytes")
+    if not unpacker.eof or unpacker.unused_data:
+        raise FileFormatError(f"{path}: no {kind} file: its XZ compression is torn, or followed by something else")
+    return content
 
 
 def _check_frame(path: Path, kind: str, content: bytes) -> tuple[dict[str, Any], dict[str, _Entry]]:

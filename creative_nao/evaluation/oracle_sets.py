@@ -13,7 +13,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from creative_nao.agents.black_box import oracle_pool
-from creative_nao.arrays import load_tensors, save_tensors, unsealed_sha256
+from creative_nao.arrays import load_tensors, save_tensors
 from creative_nao.maps import PAPER_RESOLUTION, PBMap
 from creative_nao.measures import OUTCOMES, farthest_points
 from creative_nao.model import Memory
@@ -75,8 +75,8 @@ def _shipped() -> tuple[OracleSetsHeader, dict[str, np.ndarray]] | None:
 
 def _file_sha256(name: str) -> str | None:
     """Return the SHA-256 of the file of a shipped memory as release 0.1.0 shipped it; None without one."""
-    path = memories.PRETRAINED / f"{name.replace('/', '-')}.safetensors"
-    return unsealed_sha256(path, kind=memories.KIND) if path.is_file() else None
+    path = memories.shipped_file(name)
+    return memories.content_sha256(path) if path.is_file() else None
 
 
 @functools.cache

@@ -153,7 +153,7 @@ def input_hashes(suite: Suite) -> dict[str, str]:
             found |= {str(path): sha256(path) for path in sorted(Path(folder).iterdir()) if not path.is_dir()}
     shipped = set(shipped_memories(None))
     for name in suite.memories:
-        path = memory.PRETRAINED / f"{name.replace('/', '-')}.safetensors" if name in shipped else Path(name)
+        path = memory.shipped_file(name) if name in shipped else Path(name)
         if path.is_file():
             found[name] = _sha256(path)
     return found
@@ -161,8 +161,9 @@ def input_hashes(suite: Suite) -> dict[str, str]:
 
 def _sha256(path: Path) -> str:
     """Return the SHA-256 of a file; of one that ships, as 0.1.0 shipped it: without the digests in its header."""
-    kind = {memory.PRETRAINED: memory.KIND, bundle.PRETRAINED: bundle.KIND}.get(path.parent)
-    return sha256(path) if kind is None else unsealed_sha256(path, kind=kind)
+    if path.parent == memory.PRETRAINED:
+        return memory.content_sha256(path)
+    return unsealed_sha256(path, kind=bundle.KIND) if path.parent == bundle.PRETRAINED else sha256(path)
 
 
 def hashes(folder: Path) -> dict[str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import functools
+import hashlib
 import html
 import io
 import os
@@ -15,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
-from creative_nao.demonstrations import Demonstrations
+from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take, unsealed_sha256
+from creative_nao.demonstrations import Demonstrations, load_demonstrations
 from creative_nao.errors import CreativeNaoError, FileFormatError, NotFoundError, nearest_name
 from creative_nao.exchange.motion import MAX_STEPS
 from creative_nao.measures import score
@@ -247,7 +248,10 @@ class Memory:
         )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the memory to one safetensors file, in one step, and return its path."""
+        """Write the memory to one safetensors file, in one step, and return its path.
+
+        A path that ends in ``.xz`` gets it packed: without loss, and of the basic actions that ship only the hashes.
+        """
         header = MemoryHeader(
             format_version=1,
             actions=self.demonstrations.names,
@@ -255,10 +259,9 @@ class Memory:
             **{name: getattr(self, name) for name in ("joints", "dt_s", *IN_HEADER)},
         )
         tensors = {f"parameter/{name}": array for name, array in self.parameters.items()}
-        for place, trajectory in enumerate(self.demonstrations.trajectories):
-            tensors[f"demonstration/{place}"] = trajectory
+        tensors |= {f"demonstration/{place}": one for place, one in enumerate(self.demonstrations.trajectories)}
         tensors["loss_history"] = self.loss_history.astype(np.float32)
-        return save_tensors(checked_path(path), kind=KIND, header=dump(header), tensors=tensors)
+        return save_tensors(path, kind=KIND, header=dump(header), tensors=tensors, shared=_basic_actions)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], name: str = "") -> Memory:
@@ -269,7 +272,7 @@ class Memory:
             FileFormatError: If it is torn, foreign or inconsistent; the message names the part.
         """
         path = checked_path(path)
-        values, tensors = load_tensors(path, kind=KIND)
+        values, tensors = load_tensors(path, kind=KIND, shared=_basic_actions)
         header = parse(MemoryHeader, values, f"{path}: header")
         parts = [f"demonstration/{place}" for place in range(len(header.actions))]
         shapes = parameter_shapes(header.network, len(header.joints) * header.network.n_softmax_units, len(parts))
@@ -286,15 +289,19 @@ class Memory:
         )
 
 
+@functools.cache
+def _basic_actions() -> dict[str, np.ndarray]:
+    """Return the angles of the shipped basic actions by the SHA-256 of their bytes."""
+    return {hashlib.sha256(one.tobytes()).hexdigest(): one for one in load_demonstrations().trajectories}
+
+
 def _demonstrations(path: Path, header: MemoryHeader, tensors: dict[str, np.ndarray]) -> Demonstrations:
     trajectories = []
-    for place in range(len(header.actions)):
-        name = f"demonstration/{place}"
+    for name in (f"demonstration/{place}" for place in range(len(header.actions))):
         trajectory = take(path, tensors, name, (None, len(header.joints)), np.float64)
         if len(trajectory) > MAX_STEPS:
-            raise FileFormatError(
-                f"{path}: the array `{name}` has {len(trajectory)} postures, expected at most {MAX_STEPS}"
-            )
+            told = f"has {len(trajectory)} postures, expected at most {MAX_STEPS}"
+            raise FileFormatError(f"{path}: the array `{name}` {told}")
         trajectories.append(trajectory)
     record = header.demonstrations_record
     try:
@@ -348,6 +355,7 @@ def walk(memory: Memory, points: ArrayLike, n_points: int, n_steps: int | None =
 
 PRETRAINED = Path(__file__).parent / "pretrained"
 SCORES = PRETRAINED / "scores.json"
+_ENDING = ".safetensors.xz"
 CONDITIONS = {"open": 0.0, "half": 0.5, "closed": 1.0}
 """The paper's three closed-loop ratios by name."""
 
@@ -398,10 +406,20 @@ def shipped_memories(n_pb: int | None = 2) -> tuple[str, ...]:
     Args:
         n_pb: PB units: 2, as in the paper; 4 or 8, whose names are ``half-4pb/0``, ...; None for all.
     """
-    files = [path.stem.rpartition("-") for path in PRETRAINED.glob("*-*.safetensors")]
+    files = [path.name.removesuffix(_ENDING).rpartition("-") for path in PRETRAINED.glob(f"*-*{_ENDING}")]
     kinds = [f"{name}{suffix}" for units, suffix in BANKS.items() for name in CONDITIONS if n_pb in (None, units)]
     found = sorted((kinds.index(kind), int(seed)) for kind, _, seed in files if kind in kinds)
     return tuple(f"{kinds[place]}/{seed}" for place, seed in found)
+
+
+def shipped_file(name: str) -> Path:
+    """Return where the memory of a shipped name such as ``half/0`` stands."""
+    return PRETRAINED / f"{name.replace('/', '-')}{_ENDING}"
+
+
+def content_sha256(path: Path) -> str:
+    """Return the SHA-256 of a memory as release 0.1.0 wrote it to a file: not packed, without digests in its header."""
+    return unsealed_sha256(path, kind=KIND, shared=_basic_actions)
 
 
 def load_memory(name: str | os.PathLike[str]) -> Memory:
@@ -418,8 +436,7 @@ def load_memory(name: str | os.PathLike[str]) -> Memory:
     text = str(checked_path(name, "name")) if not isinstance(name, str) else name
     names = shipped_memories(None)
     if text in names:
-        condition, seed = text.split("/")
-        return Memory.read(PRETRAINED / f"{condition}-{seed}.safetensors", name=text)
+        return Memory.read(shipped_file(text), name=text)
     if os.path.isfile(text):  # unlike `Path.is_file`, says no to a name with a null character
         return Memory.read(text)
     if text in SPLITS:

@@ -17,7 +17,7 @@ from creative_nao.errors import CreativeNaoError, FileFormatError
 from creative_nao.explorer.run_episodes import RunEpisodes
 from creative_nao.maps import PBMap
 from creative_nao.model import Memory
-from creative_nao.model.memory import PRETRAINED
+from creative_nao.model.memory import load_memory, shipped_file
 from creative_nao.runtime import sha256
 from creative_nao.storage import note_unsealed, read_json, write_json
 
@@ -117,7 +117,7 @@ def test_no_flipped_bit_is_loaded_silently(every, victims, tmp_path, attempt):
 def test_no_flipped_bit_of_a_shipped_memory_is_loaded(every, tmp_path, attempt):
     n = 1_000 if every else 40
     attempt("a shipped memory", "one flipped bit", "refused: none is loaded", n)
-    whole, path = (PRETRAINED / "half-0.safetensors").read_bytes(), tmp_path / "mine.safetensors"
+    whole, path = shipped_file("half/0").read_bytes(), tmp_path / "mine.safetensors"
     rng = np.random.default_rng(29)
     for place, bit in zip(rng.integers(len(whole), size=n), rng.integers(8, size=n), strict=True):
         broken = bytearray(whole)
@@ -199,8 +199,8 @@ def test_equal_content_has_equal_bytes_with_its_checksums(tmp_path):
     assert load_tensors(one, kind="x")[1]["b"].tolist() == [0.0, 1.0, 2.0]
 
 
-def test_the_checksum_of_a_memory_takes_less_than_a_millisecond():
-    path = PRETRAINED / "half-0.safetensors"
+def test_the_checksum_of_a_memory_takes_less_than_a_millisecond(tmp_path):
+    path = load_memory("half/0").save(tmp_path / "memory.safetensors")
     times = []
     for _ in range(20):
         start = time.perf_counter()

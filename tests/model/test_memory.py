@@ -2,11 +2,12 @@ import base64
 import contextlib
 import dataclasses
 import json
+import lzma
 
 import numpy as np
 import pytest
 
-from creative_nao import load_memory
+from creative_nao import arrays, load_memory
 from creative_nao.errors import FileFormatError, NotFoundError
 from creative_nao.measures import dtw
 from creative_nao.model import (
@@ -19,6 +20,7 @@ from creative_nao.model import (
     train_network,
     walk,
 )
+from creative_nao.model.memory import content_sha256, shipped_file
 
 
 def test_a_saved_memory_comes_back_bit_for_bit(tiny_memory, tmp_path):
@@ -51,6 +53,48 @@ def test_a_flipped_bit_in_the_header_is_never_another_error(tiny_memory, tmp_pat
         path.write_bytes(flipped)
         with contextlib.suppress(FileFormatError):  # any other error fails the test
             Memory.read(path)
+
+
+def test_a_packed_memory_is_the_same_memory(tmp_path):
+    memory = load_memory("half-4pb/0")
+    packed, plain = memory.save(tmp_path / "m.safetensors.xz"), memory.save(tmp_path / "m.safetensors")
+
+    assert packed.stat().st_size < 0.65 * plain.stat().st_size
+    assert load_memory(packed).save(tmp_path / "again.safetensors").read_bytes() == plain.read_bytes()
+    assert content_sha256(packed) == content_sha256(plain) == content_sha256(shipped_file("half-4pb/0"))
+
+
+def test_a_packed_memory_keeps_actions_of_its_own(tiny_memory, tmp_path):
+    packed = tiny_memory.save(tmp_path / "m.safetensors.xz")
+
+    back = load_memory(packed)
+    assert back.demonstrations.names == tiny_memory.demonstrations.names
+    for mine, its in zip(back.demonstrations.trajectories, tiny_memory.demonstrations.trajectories, strict=True):
+        assert np.array_equal(mine, its)
+
+
+def test_an_array_that_is_left_out_and_not_shipped_is_missing(tmp_path, monkeypatch):
+    monkeypatch.setattr("creative_nao.model.memory._basic_actions", dict)
+
+    with pytest.raises(FileFormatError, match="the array `demonstration/0` is missing"):
+        Memory.read(shipped_file("half/0"))
+
+
+def test_a_packed_file_that_is_torn_or_too_large_is_refused(tiny_memory, tmp_path, monkeypatch):
+    content, path = tiny_memory.save(tmp_path / "m.safetensors.xz").read_bytes(), tmp_path / "bad.safetensors.xz"
+    for broken, fault in (
+        (content[:-1], "torn, or followed by something else"),
+        (content + b"more", "torn, or followed by something else"),
+        (content[:40] + bytes(40) + content[80:], "its XZ compression is damaged"),
+        (lzma.compress(b"{}"), "the header length needs 8 bytes"),
+    ):
+        path.write_bytes(broken)
+        with pytest.raises(FileFormatError, match=rf"bad\.safetensors\.xz: no memory file: .*{fault}"):
+            Memory.read(path)
+    monkeypatch.setattr(arrays, "MAX_FILE_BYTES", 100_000)
+    path.write_bytes(lzma.compress(bytes(1_000_000)))
+    with pytest.raises(FileFormatError, match="it unpacks to more than 100000 bytes"):
+        Memory.read(path)
 
 
 def test_a_foreign_file_is_refused(tmp_path):

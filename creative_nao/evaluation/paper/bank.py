@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
-from creative_nao.arrays import unsealed_sha256
 from creative_nao.demonstrations import load_demonstrations
 from creative_nao.errors import NotFoundError, SettingsError, TrainingError
 from creative_nao.model import CONDITIONS, Memory, NetworkSettings, TrainingSettings, shipped_memories, train_many
-from creative_nao.model.memory import KIND, PRETRAINED
+from creative_nao.model.memory import content_sha256, shipped_file
 from creative_nao.model.training import TrainingState
 from creative_nao.schema import Count, Field, Index, record
 
@@ -70,7 +69,7 @@ class Entry:
     @property
     def sha256(self) -> str:
         """Hash of the memory file without the digests in its header, as release 0.1.0 wrote it."""
-        return unsealed_sha256(self.path, kind=KIND)
+        return content_sha256(self.path)
 
     def load(self) -> Memory:
         """Read the memory."""
@@ -80,7 +79,7 @@ class Entry:
 def shipped_bank() -> list[Entry]:
     """Return the memories that ship with the package, by condition and seed; NotFoundError if a condition has none."""
     pairs = [name.split("/") for name in shipped_memories()]
-    bank = [Entry(condition, int(seed), PRETRAINED / f"{condition}-{seed}.safetensors") for condition, seed in pairs]
+    bank = [Entry(condition, int(seed), shipped_file(f"{condition}/{seed}")) for condition, seed in pairs]
     if missing := _missing_condition(bank):
         raise NotFoundError(f"no memory of the condition `{missing}` ships with this installation; add --retrain")
     return bank
