@@ -7,7 +7,9 @@ where there is one, the next step; the command line prints it as one line.
 from __future__ import annotations
 
 import difflib
+import importlib
 from collections.abc import Iterable
+from types import ModuleType
 from typing import Any
 
 LONGEST_MESSAGE = 990  # characters; a message quotes files, and a file may hold a name of a megabyte
@@ -57,6 +59,19 @@ class NotFoundError(CreativeNaoError, LookupError):
 
 class MissingDependencyError(CreativeNaoError, ImportError):
     """An optional package or a system library is missing; the message says how to install it."""
+
+
+def load_extra(package: str, extra: str, user: str) -> ModuleType:
+    """Import an optional package; a MissingDependencyError says what needs it and which extra of ours installs it."""
+    try:
+        return importlib.import_module(package)
+    except ImportError as error:
+        raise missing_extra(package, extra, user, error) from error
+
+
+def missing_extra(package: str, extra: str, user: str, why: object) -> MissingDependencyError:
+    """Return the error that names a missing package, our extra that installs it and its `user`."""
+    return MissingDependencyError(f'{user} needs the package `{package}`: pip install "creative-nao[{extra}]" ({why})')
 
 
 class TrainingError(CreativeNaoError, ArithmeticError):

@@ -9,7 +9,6 @@ slip is an error instead of a wrong figure.
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import importlib.util
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +20,8 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from creative_nao.envs import Track
-from creative_nao.errors import CreativeNaoError, MissingDependencyError, SettingsError, ShapeError, shown
+from creative_nao.errors import CreativeNaoError, SettingsError, ShapeError, load_extra, missing_extra, shown
+from creative_nao.model.config import check_kind
 
 T = TypeVar("T")
 
@@ -272,14 +272,14 @@ class MovementAgent(Agent, Generic[T]):
 
     def __init__(self, settings: T | None = None):
         if self.package and importlib.util.find_spec(self.package) is None:
-            raise _missing(self.package, self.extra, self.name, "it is not installed")
+            raise missing_extra(self.package, self.extra, f"agent `{self.name}`", "it is not installed")
         self.settings: T = check_kind(
             self.settings_type() if settings is None else settings, self.settings_type, "settings"
         )
 
     def load_package(self) -> ModuleType:
         """Return the package that searches."""
-        return load_extra(self.package, self.extra, self.name)
+        return load_extra(self.package, self.extra, f"agent `{self.name}`")
 
     def start(self, context: Context) -> None:
         """Forget the PB vector held; a subclass calls this before it prepares anything else."""
@@ -427,24 +427,3 @@ def as_track(value: Any, name: str) -> Track:
         return Track(value)
     except ValueError:
         raise SettingsError(f"{name} should be one of {', '.join(Track)}, but is {shown(value)}") from None
-
-
-def check_kind(value: Any, kind: type[T], name: str) -> T:
-    """Return an argument that has to be of a class; else a `SettingsError` names it."""
-    if not isinstance(value, kind):
-        raise SettingsError(f"`{name}` should be of the class {kind.__name__}, but is {shown(value)}")
-    return value
-
-
-def load_extra(package: str, extra: str, agent: str) -> ModuleType:
-    """Import an optional package, or raise a `MissingDependencyError` that names package and extra."""
-    try:
-        return importlib.import_module(package)
-    except ImportError as error:
-        raise _missing(package, extra, agent, error) from error
-
-
-def _missing(package: str, extra: str, agent: str, why: object) -> MissingDependencyError:
-    return MissingDependencyError(
-        f'agent `{agent}` needs the package `{package}`: pip install "creative-nao[{extra}]" ({why})'
-    )

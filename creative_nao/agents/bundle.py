@@ -16,7 +16,6 @@ import numpy as np
 from gymnasium.spaces import Box
 from pydantic import BeforeValidator
 
-from creative_nao.agents.base import check_kind
 from creative_nao.agents.play import Score, evaluate_policy, told_track
 from creative_nao.agents.settings import Hyperparameters, check_entry, find_algorithm, nets_of
 from creative_nao.agents.training import PPOSettings
@@ -31,6 +30,7 @@ from creative_nao.errors import (
     nearest_name,
     shown,
 )
+from creative_nao.model.config import check_kind
 from creative_nao.runtime import versions
 from creative_nao.schema import Field, Index, LongText, Version1, Versions, parse, record
 

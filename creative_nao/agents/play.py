@@ -17,10 +17,11 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 from pydantic import Field
 
-from creative_nao.agents.base import Agent, Context, Imagination, Policy, PolicyAgent, check_kind
+from creative_nao.agents.base import Agent, Context, Imagination, Policy, PolicyAgent
 from creative_nao.envs import Track
 from creative_nao.envs.observation import CELLS
 from creative_nao.errors import NotFoundError, SettingsError, nearest_name
+from creative_nao.model.config import check_kind
 from creative_nao.runtime import search_current_folder
 from creative_nao.schema import Index, LongText, checked, dump, record
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import importlib.metadata
-import importlib.util
 import os
 import re
 import warnings
@@ -15,10 +14,10 @@ from typing import Annotated, Any
 import gymnasium as gym
 import numpy as np
 
-from creative_nao.agents.base import Agent, load_extra
+from creative_nao.agents.base import Agent
 from creative_nao.agents.play import check_env, make_env, play_episode
 from creative_nao.agents.training import memories_of
-from creative_nao.errors import MissingDependencyError, SettingsError
+from creative_nao.errors import SettingsError, load_extra
 from creative_nao.schema import Index, checked, must
 
 NAME = re.compile(r"([A-Za-z0-9_-]{1,80}/){0,2}[A-Za-z0-9_-]{1,80}-v[0-9]{1,6}")
@@ -69,9 +68,7 @@ def record_dataset(
         SettingsError: If `dataset_id` is no such name, or there is a dataset of it.
         NotFoundError: If there is no such environment or memory.
     """
-    minari = load_extra("minari", "minari", "record")
-    if importlib.util.find_spec("h5py") is None:
-        raise MissingDependencyError('datasets are written by `h5py`: pip install "creative-nao[minari]"')
+    minari, _ = (load_extra(package, "minari", "a dataset of Minari") for package in ("minari", "h5py"))
     from minari.data_collector import EpisodeBuffer
 
     seeds = checked(tuple[Index, ...], tuple(seeds), "seeds")

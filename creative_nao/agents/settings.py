@@ -10,7 +10,6 @@ import ast
 import contextlib
 import dataclasses
 import functools
-import importlib
 import inspect
 import itertools
 import operator
@@ -23,9 +22,9 @@ from pydantic import BeforeValidator
 
 from creative_nao.errors import (
     FileFormatError,
-    MissingDependencyError,
     NotFoundError,
     SettingsError,
+    load_extra,
     nearest_name,
     shown,
 )
@@ -67,13 +66,7 @@ class Algorithm:
 
     def load(self) -> Any:
         """Return the class, or raise a `MissingDependencyError` where its package is not installed."""
-        try:
-            return getattr(importlib.import_module(self.package), self.class_name)
-        except ImportError as error:
-            raise MissingDependencyError(
-                f"agent `{self.name}` needs {self.package.replace('_', '-')}, which is not installed; "
-                'install it with: pip install "creative-nao[agents]"'
-            ) from error
+        return getattr(load_extra(self.package, "agents", f"agent `{self.name}`"), self.class_name)
 
     def policy_class(self, policy: str) -> Any:
         """Return the class of a policy, one of `policies`."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from creative_nao import schema
-from creative_nao.agents.base import PolicyAgent, check_kind
+from creative_nao.agents.base import PolicyAgent
 from creative_nao.agents.play import check_env, evaluate_agent, told_track
 from creative_nao.agents.resume import TrainingRecord, load_checkpoint
 from creative_nao.agents.settings import (
@@ -29,8 +29,9 @@ from creative_nao.agents.settings import (
     find_algorithm,
     naming,
 )
-from creative_nao.errors import FileFormatError, MissingDependencyError, SettingsError
+from creative_nao.errors import FileFormatError, SettingsError, missing_extra
 from creative_nao.model import SPLITS, shipped_memories, split_memories, split_of
+from creative_nao.model.config import check_kind
 from creative_nao.schema import Count, Field, Index, LongText, UnitInterval, checked, dump
 
 if TYPE_CHECKING:
@@ -237,9 +238,7 @@ def train_agent(
         SettingsError: If the checkpoint is of another plan.
     """
     if tensorboard is not None and importlib.util.find_spec("tensorboard") is None:
-        raise MissingDependencyError(
-            'TensorBoard is not installed; install it with: pip install "creative-nao[agents]"'
-        )
+        raise missing_extra("tensorboard", "agents", "--tensorboard", "it is not installed")
     from creative_nao.agents.callbacks import TrainingCallback
 
     chosen = check_kind(plan, TrainingPlan, "plan").hyperparameters

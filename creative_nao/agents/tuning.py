@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from creative_nao.agents.base import load_extra
 from creative_nao.agents.settings import (
     CELL_POLICY,
     CELL_SAC_POLICY,
@@ -25,7 +24,7 @@ from creative_nao.agents.settings import (
     read_hyperparameters,
 )
 from creative_nao.agents.training import TrainingPlan, train_agent
-from creative_nao.errors import FileFormatError, SettingsError
+from creative_nao.errors import FileFormatError, SettingsError, load_extra
 from creative_nao.schema import Count, Field, Index, LongText, Text, parse, record
 from creative_nao.storage import read_bytes, write_bytes, write_text
 
@@ -100,7 +99,7 @@ def tune(
     """
     import yaml
 
-    optuna: Any = load_extra("optuna", "tune", plan.algorithm)
+    optuna: Any = load_extra("optuna", "tune", f"the search for `{plan.algorithm}`")
     known = find_algorithm(plan.algorithm)
     start = read_hyperparameters(known.name, plan.env, plan.conf_file).replace(n_timesteps=plan.n_timesteps)
     journal = out / "study.journal"

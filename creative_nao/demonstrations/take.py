@@ -6,7 +6,6 @@ in two dimensions, another order of left and right, or nobody standing cannot be
 
 from __future__ import annotations
 
-import importlib
 import os
 import re
 import tempfile
@@ -18,7 +17,7 @@ from typing import Annotated, Any, Literal, cast
 import numpy as np
 
 from creative_nao import storage
-from creative_nao.errors import FileFormatError, MissingDependencyError
+from creative_nao.errors import FileFormatError, load_extra
 from creative_nao.exchange.keys import NOTHING_SAID, Reading
 from creative_nao.exchange.table import read_csv
 from creative_nao.schema import Field, checked, checked_path
@@ -145,12 +144,7 @@ def _from_bvh(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray, list[
     head = text.partition("MOTION")[0]
     if head.count("JOINT") > _MAX_JOINTS:
         raise FileFormatError(f"{path}: has more than {_MAX_JOINTS} joints.")
-    try:
-        pybvh: Any = importlib.import_module("pybvh")
-    except ImportError as error:
-        raise MissingDependencyError(
-            "BVH files need pybvh (the extra `mocap`): run `pip install 'creative-nao[mocap]'`."
-        ) from error
+    pybvh: Any = load_extra("pybvh", "mocap", "a BVH file")
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         copy = Path(folder) / "take.bvh"

@@ -410,14 +410,14 @@ class RandomisedRobot(gym.Wrapper[np.ndarray, np.ndarray, np.ndarray, np.ndarray
 
     def __init__(self, env: gym.Env[np.ndarray, np.ndarray], ranges: VariationRanges | None = None) -> None:
         gym.utils.RecordConstructorArgs.__init__(self, ranges=ranges)
-        check_kind(gym.Env, env, "env")
+        check_kind(env, gym.Env, "env")
         gym.Wrapper.__init__(self, env)
         if not hasattr(env.unwrapped, "performer"):
             raise SettingsError(
                 f"only an environment in which a robot performs can vary it, CreativeNao/Boxing-v0, but this is {env}"
             )
         self.ranges = VariationRanges() if ranges is None else ranges
-        check_kind(VariationRanges, self.ranges, "ranges")
+        check_kind(self.ranges, VariationRanges, "ranges")
         self._rng: np.random.Generator | None = None
 
     def reset(

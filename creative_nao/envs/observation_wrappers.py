@@ -115,7 +115,7 @@ class _SingleWrapper(gym.ObservationWrapper[Any, Any, Any], RecordConstructorArg
 
     def __init__(self, env: gym.Env[Any, Any], **arguments: Any) -> None:
         RecordConstructorArgs.__init__(self, **arguments)
-        check_kind(gym.Env, env, "env")
+        check_kind(env, gym.Env, "env")
         super().__init__(env)
         self.view = self._view(env.unwrapped, **arguments)
         self.observation_space = self.view.space
@@ -130,7 +130,7 @@ class _VectorWrapper(VectorWrapper[Any, Any, Any, Any, Any], RecordConstructorAr
 
     def __init__(self, env: VectorEnv[Any, Any, Any], **arguments: Any) -> None:
         RecordConstructorArgs.__init__(self, **arguments)
-        check_kind(VectorEnv, env, "env")
+        check_kind(env, VectorEnv, "env")
         super().__init__(env)
         self.view = self._view(env.unwrapped, **arguments)
         self.single_observation_space = self.view.space

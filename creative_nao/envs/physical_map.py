@@ -223,9 +223,9 @@ def physical_map(
         FileFormatError: If the checkpoint is torn or foreign.
     """
     criteria, limits = criteria or Criteria(), limits or PhysicalLimits()
-    check_kind(Memory, memory, "memory")
-    check_kind(Criteria, criteria, "criteria")
-    check_kind(PhysicalLimits, limits, "limits")
+    check_kind(memory, Memory, "memory")
+    check_kind(criteria, Criteria, "criteria")
+    check_kind(limits, PhysicalLimits, "limits")
     if memory.network.n_pb != 2 or memory.joints != JOINTS:
         raise SettingsError(
             f"a physical map needs a memory with n_pb = 2 and the joints {', '.join(JOINTS)}, "

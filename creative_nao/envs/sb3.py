@@ -51,7 +51,7 @@ class SB3VecEnv(VecEnv):
                 )  # fmt: skip
             except gym.error.UnregisteredEnv as error:
                 raise NotFoundError(f"no environment `{venv}`{nearest_name(venv, gym.registry)}") from error
-        check_kind(VectorEnv, made, "venv")
+        check_kind(made, VectorEnv, "venv")
         mode = made.metadata.get("autoreset_mode")
         if mode is not AutoresetMode.SAME_STEP:
             raise SettingsError(

@@ -59,7 +59,7 @@ class EnvState:
     def __post_init__(self) -> None:
         """Refuse parts of a wrong kind; what is in them is checked where the state is used."""
         for part, kind in (("kind", str), ("values", dict), ("arrays", dict)):
-            check_kind(kind, getattr(self, part), part)
+            check_kind(getattr(self, part), kind, part)
 
     def check(self, like: EnvState) -> None:
         """Refuse a state that does not fit an environment whose present state is `like`, in kind, size or range.
@@ -67,7 +67,7 @@ class EnvState:
         Raises:
             SettingsError: Naming the part.
         """
-        check_kind(EnvState, self, "state")
+        check_kind(self, EnvState, "state")
         if self.kind != like.kind:
             raise SettingsError(f"`state` should be one of a {like.kind}, but is one of a {self.kind}")
         for what, mine, theirs in (("values", self.values, like.values), ("arrays", self.arrays, like.arrays)):

@@ -311,7 +311,7 @@ class RepertoireVectorEnv(Specified, VectorEnv[np.ndarray, np.ndarray, np.ndarra
                 fit.
             NotFoundError: If a memory is none of this environment's.
         """
-        check_kind(tuple if isinstance(states, tuple) else list, states, "states")
+        check_kind(states, tuple if isinstance(states, tuple) else list, "states")
         self._one_each(states, "states")
         for state, present in zip(states, self.get_state(), strict=True):
             EnvState.check(state, present)

@@ -20,7 +20,7 @@ from typing import Any, ClassVar, TypeVar
 
 from creative_nao import __version__, storage
 from creative_nao.arrays import MAX_FILE_BYTES
-from creative_nao.errors import CreativeNaoError, MissingDependencyError, NotFoundError, SettingsError
+from creative_nao.errors import CreativeNaoError, NotFoundError, SettingsError, load_extra
 from creative_nao.evaluation.jobs import PARENT, Job, read_result, write_result, write_spec
 from creative_nao.runtime import python_command, python_environment, usable_cores
 from creative_nao.schema import parse
@@ -351,14 +351,9 @@ class DaskExecutor:
             SettingsError: If a worker has another version of this package.
             JobError: If a job failed at every attempt; the others are finished first.
         """
+        distributed: Any = load_extra("distributed", "cluster", "`--scheduler`")
         try:
-            from distributed import Client
-        except ImportError:
-            raise MissingDependencyError(
-                "`--scheduler` needs the package `distributed`; install it with `pip install 'creative-nao[cluster]'`"
-            ) from None
-        try:
-            client = Client(self.address, timeout=CONNECT_S, set_as_default=False)
+            client = distributed.Client(self.address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:
             raise NotFoundError(
                 f"no Dask scheduler at `{self.address}` ({type(error).__name__}); start one with `dask scheduler` and "

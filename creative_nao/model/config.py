@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ MAX_TIME_CONSTANT = 1e6
 
 TimeConstant = Annotated[float, Field(ge=1, le=MAX_TIME_CONSTANT)]
 Scale = Annotated[float, Field(ge=1e-6, le=1e6)]
+Kind = TypeVar("Kind")
 
 
 @record
@@ -114,10 +115,11 @@ def attempts(training: TrainingSettings) -> tuple[TrainingSettings, ...]:
     return tuple(found)
 
 
-def check_kind(kind: type, value: Any, name: str) -> None:
-    """Refuse an argument of a public function that is no instance of `kind`, with a SettingsError that names it."""
+def check_kind(value: Any, kind: type[Kind], name: str) -> Kind:
+    """Return an argument of a public function that has to be of a class; else a `SettingsError` names it."""
     if not isinstance(value, kind):
-        raise SettingsError(f"`{name}` should be of the class `{kind.__name__}`, but is {shown(value)}")
+        raise SettingsError(f"`{name}` should be of the class {kind.__name__}, but is {shown(value)}")
+    return value
 
 
 _RATIOS, _ATTEMPTS = 1, 2  # keep a seed's draws of ratios and of later attempts apart from its initial weights

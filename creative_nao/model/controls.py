@@ -125,7 +125,7 @@ def control_memory(memory: Memory, control: ControlKind, seed: int = 0) -> Contr
         control: `interpolation`, `splines` or `vae`.
         seed: Of the autoencoder's initial weights and noise; the blends have nothing random.
     """
-    check_kind(Memory, memory, "memory")
+    check_kind(memory, Memory, "memory")
     if control not in CONTROLS:
         raise SettingsError(f"`control` should be one of {', '.join(CONTROLS)}, but is {shown(control)}")
     demos, name = memory.demonstrations, f"{control} of {memory.name}"

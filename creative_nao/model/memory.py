@@ -345,7 +345,7 @@ def walk(memory: Memory, points: ArrayLike, n_points: int, n_steps: int | None =
         ShapeError: If `points` is not (n, n_pb) or leaves [-1, 1].
         SettingsError: If `memory` is none, or `n_points` or `n_steps` is not a whole number of at least 1.
     """
-    check_kind(Memory, memory, "memory")
+    check_kind(memory, Memory, "memory")
     corners = pb_points(points, memory.network.n_pb, "points", least=1)
     lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     reached = np.concatenate([[0.0], np.cumsum(lengths)])

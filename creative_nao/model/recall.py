@@ -18,7 +18,7 @@ def reproduction(memory: Any) -> list[float]:
     Takes a `Memory` or whatever else generates movements, as a control does.
     """
     if not (hasattr(memory, "generate") and hasattr(memory, "pb")):
-        check_kind(Memory, memory, "memory")
+        check_kind(memory, Memory, "memory")
     pairs = zip(memory.generate(memory.pb), memory.demonstrations.trajectories, strict=True)
     return [dtw(generated[: len(action)], action) for generated, action in pairs]
 

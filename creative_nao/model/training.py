@@ -186,9 +186,9 @@ def train_network(
         TrainingError: If the loss is no longer finite; the last checkpoint stays as it is.
     """
     network = NetworkSettings() if network is None else network
-    check_kind(Demonstrations, demonstrations, "demonstrations")
-    check_kind(TrainingSettings, training, "training")
-    check_kind(NetworkSettings, network, "network")
+    check_kind(demonstrations, Demonstrations, "demonstrations")
+    check_kind(training, TrainingSettings, "training")
+    check_kind(network, NetworkSettings, "network")
     checked(Count, checkpoint_interval, "checkpoint_interval")
     checkpoint = None if checkpoint is None else checked_path(checkpoint, "checkpoint")
     if training.condition == "auto":
@@ -325,9 +325,9 @@ def train_many(
     Returns:
         One result for each of `wanted`, in order.
     """
-    check_kind(Sequence, wanted, "wanted")
+    check_kind(wanted, Sequence, "wanted")
     for training in wanted:
-        check_kind(TrainingSettings, training, "wanted")
+        check_kind(training, TrainingSettings, "wanted")
     n_workers = usable_cores() if n_workers is None else checked(Count, n_workers, "n_workers")
     stop = threading.Event() if stop is None else stop
 

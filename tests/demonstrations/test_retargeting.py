@@ -288,5 +288,5 @@ def test_a_missing_extra_is_named(tmp_path, monkeypatch):
 
     monkeypatch.setitem(sys.modules, "pybvh", None)
     (tmp_path / "a.bvh").write_text("HIERARCHY\n")
-    with pytest.raises(MissingDependencyError, match=r"BVH files need pybvh \(the extra `mocap`\)"):
+    with pytest.raises(MissingDependencyError, match=r"a BVH file needs .* pip install .creative-nao\[mocap\]"):
         load_take(tmp_path / "a.bvh")

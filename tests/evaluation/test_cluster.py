@@ -133,5 +133,5 @@ def test_no_scheduler_is_said(tmp_path, monkeypatch):
 
 def test_a_missing_package_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install 'creative-nao\[cluster\]'"):
+    with pytest.raises(MissingDependencyError, match=r'pip install "creative-nao\[cluster\]"'):
         DaskExecutor("tcp://127.0.0.1:1").run([], tmp_path, lambda _: None)

@@ -107,7 +107,7 @@ def test_the_slopes_of_the_autoencoder_are_those_of_its_loss():
 def test_an_unknown_control_is_refused_and_a_control_can_be_mapped(memory):
     with pytest.raises(SettingsError, match="`control` should be one of interpolation, splines, vae, but is 'gan'"):
         control_memory(memory, "gan")
-    with pytest.raises(SettingsError, match="`memory` should be of the class `Memory`"):
+    with pytest.raises(SettingsError, match="`memory` should be of the class Memory"):
         control_memory(None, "vae")
     scored = pb_map(control_memory(memory, "interpolation"), resolution=20)
     assert scored.share_pct("learned") > 0

@@ -77,7 +77,7 @@ def test_arguments_of_a_wrong_class_are_named(tiny_memory, waves):
     }.items():
         with pytest.raises(CreativeNaoError, match=f"`{name}`"):
             call()
-    with pytest.raises(CreativeNaoError, match="`memory` should be of the class `Memory`"):
+    with pytest.raises(CreativeNaoError, match="`memory` should be of the class Memory"):
         reproduction(None)
     with pytest.raises(CreativeNaoError, match="`name` should be text"):
         split_of(3)
