@@ -20,14 +20,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator
 
-from creative_nao.errors import (
-    FileFormatError,
-    NotFoundError,
-    SettingsError,
-    load_extra,
-    nearest_name,
-    shown,
-)
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, load_extra, nearest_name, shown
 from creative_nao.schema import Field, JsonObject, Positive, UnitInterval, checked, record
 from creative_nao.storage import MAX_YAML_BYTES, as_yaml, read_text
 

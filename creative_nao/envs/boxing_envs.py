@@ -9,6 +9,8 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+from pathlib import Path
 from textwrap import indent
 from typing import Any, TypeVar
 
@@ -29,82 +31,39 @@ from creative_nao.schema import checked
 
 Kind = TypeVar("Kind", bound=RepertoireEnv)
 
-_OBSERVATION_NOTES = """\
-`scale` is the mean DTW distance between basic actions. `OUTCOMES` are `learned`, `unlearned`, `fluctuating`,
-`non_moving`, `joint_limit`, `torque_saturated`, `tracking_error`, `self_collision`, `fell`."""
-_CELLS_TEXT = """\
-The cell of a point is in column floor((pb1 + 1) / 2 * 8) of row floor((pb2 + 1) / 2 * 8), rows one after the other;
-a cell in which something appropriate was found reads at least 0.1."""
-_TRIES_TEXT = """\
-With `observation="points"` there are no `distances`, with `"outcomes"` no `points` either: what an agent of that track
-of knowledge (`envs.Track`) may be told. `GridObservation` draws the tries as an image, `SetObservation` gives them as
-rows with a mask."""
+_TEXTS = dict(
+    re.findall(r"^# (\w+)\n(.*?)\n(?=\n# |\Z)", Path(__file__).with_name("pages.md").read_text("utf-8"), re.M | re.S)
+)
+"""What the pages of several environments have in common, by its name."""
 
 
-def _cells_table(**sizes: Any) -> str:
+def _cells(**sizes: Any) -> str:
     """Return what `observation="cells"` holds; the arguments are those of `layout`."""
     parts = layout(**sizes)
-    return f'`observation="cells"` (-v0): `Box({parts[-1].stop},) float32`.\n\n{layout_table(parts)}\n\n{_CELLS_TEXT}'
+    return _TEXTS["cells"].format(size=parts[-1].stop, parts=layout_table(parts))
 
 
-def _tries_table(n_rows: int, n_decisions: int = 1, rehearsal: bool = False, **sizes: Any) -> str:
+def _tries(n_rows: int, n_decisions: int = 1, rehearsal: bool = False, **sizes: Any) -> str:
     """Return what `observation="trajectories"` holds; the arguments are those of `layout`."""
     parts = layout(n_rows=n_rows, n_decisions=n_decisions, rehearsal=rehearsal, **sizes)
     columns = try_columns(n_decisions=n_decisions, rehearsal=rehearsal)
-    return (
-        f'`observation="trajectories"`{"" if rehearsal else " (-v1)"}: `Box({parts[-1].stop},) float32`.\n\n'
-        f"{layout_table(parts)}\n\nA row of `tries` has {columns[-1].stop} columns:\n\n{layout_table(columns)}\n\n"
-        f"{_TRIES_TEXT}"
-    )
+    sizes = {"size": parts[-1].stop, "n_columns": columns[-1].stop, "version": "" if rehearsal else " (-v1)"}
+    return _TEXTS["tries"].format(parts=layout_table(parts), columns=layout_table(columns), **sizes)
 
 
 def _observation(*tables: str) -> str:
-    """Return the section about observations."""
-    sizes = "The sizes are those of a memory with six basic actions and two PB units."
-    return "\n\n".join(("## Observation space", *tables, f"{sizes}\n{_OBSERVATION_NOTES}"))
+    return _TEXTS["observation"].format(tables="\n\n".join(tables))
 
 
-_COMMON_ARGUMENTS = """\
-| memory | `"half/0"` | name, file or memory; `"train"`, `"validation"`, `"test"`: drawn per episode |
-| n_actions | 30 | actions in an episode |
-| render_mode | None | `rgb_array`, `rgb_array_list`, `depth_array`, `human`: see below |
-| criteria | None | `measures.Criteria` or its values as a dictionary: where the lines between outcomes are drawn |
-| overlay | False | whether colour frames carry a caption: outcome, nearest basic action, reward |
-| width | 640 | of frames, in pixels |
-| height | 480 | of frames, in pixels |
-| camera_name | `"close"` | camera of frames; also `"ringside"`, `"side"`, `"left"`, `"nao/top_camera"` |"""
 _MODULATED: dict[str, Any] = {"n_joints": 8, "n_slow": 10}
 _SHARED = {
-    "actions": """\
-## Action space
-`Box(-1, 1, (2,), float32)`
-
-| index | meaning | min | max | unit |
-| --- | --- | --- | --- | --- |
-| 0 | activation of PB unit 1 | -1 | 1 | 1 |
-| 1 | activation of PB unit 2 | -1 | 1 | 1 |
-
-One for each PB unit of the memory.""",
-    "observation": _observation(_cells_table(), _tries_table(30)),
-    "modulated_observation": _observation(_cells_table(**_MODULATED), _tries_table(30, 10, **_MODULATED)),
-    "rehearsal_observation": _observation(_tries_table(240, rehearsal=True)),
-    "common_arguments": _COMMON_ARGUMENTS,
-    "arguments": f"""\
-## Arguments
-| argument | default | meaning |
-| --- | --- | --- |
-{_COMMON_ARGUMENTS}
-| n_imagined | 0 | movements that `imagine` may imagine in an episode |
-| observation | `"cells"` | `"cells"` (-v0), `"outcomes"`, `"points"`, `"trajectories"` (-v1): see above |""",
-    "rendering": """\
-`render` returns: `rgb_array` the last movement at its widest, uint8 (height, width, 3); `depth_array` how far away
-everything is in that picture [m], float32 (height, width); `rgb_array_list` a film of all movements since the
-last call; `human` None, it plays the movement in a window.
-
-`gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` makes many sub-environments, with the same
-trajectories as separate environments of the same seeds; it also takes `autoreset_mode` and `n_threads`.""",
+    **_TEXTS,
+    "observation": _observation(_cells(), _tries(30)),
+    "modulated_observation": _observation(_cells(**_MODULATED), _tries(30, 10, **_MODULATED)),
+    "rehearsal_observation": _observation(_tries(240, rehearsal=True)),
+    "arguments": _TEXTS["arguments"].format_map(_TEXTS),
 }
-"""What the pages have in common, by its place in a docstring."""
+"""What stands in the place of each name in braces in a docstring."""
 
 
 def page(kind: type[Kind]) -> type[Kind]:
@@ -158,9 +117,7 @@ class BoxingMentalEnv(RepertoireEnv):
 
     {rendering}
 
-    ## Version history
-    * v1: observes every try of the episode and the learned PB points.
-    * v0: first version; stays as it is.
+    {versions}
     """
 
 
@@ -208,9 +165,7 @@ class BoxingEnv(RepertoireEnv):
     {rendering}
     Their performances run in `n_threads` threads.
 
-    ## Version history
-    * v1: observes every try of the episode and the learned PB points.
-    * v0: first version; stays as it is.
+    {versions}
     """
 
     physics = True
@@ -288,9 +243,7 @@ class BoxingModulationEnv(RepertoireEnv):
 
     {rendering}
 
-    ## Version history
-    * v1: observes every try of the episode and the learned PB points.
-    * v0: first version; stays as it is.
+    {versions}
     """
 
     _modulated = True

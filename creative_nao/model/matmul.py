@@ -15,13 +15,7 @@ from llvmlite import ir
 from numba import config, types
 from numba.extending import intrinsic
 
-from creative_nao.model.config import (
-    NetworkSettings,
-    Shapes,
-    layer_time_constants,
-    neighbour_mask,
-    parameter_shapes,
-)
+from creative_nao.model.config import NetworkSettings, Shapes, layer_time_constants, neighbour_mask, parameter_shapes
 from creative_nao.model.simd import FLOAT, call_llvm, compiled, element_pointer, spread
 
 # pyright: reportIndexIssue=false, reportCallIssue=false
