@@ -70,6 +70,35 @@ def film(browser: Browser, url: str) -> None:
     write_gif(images, IMAGES / "explorer.gif", frame_dt_s=FILM_S)
 
 
+RACE_MEMORY, RACE_STEPS_MS, RACE_TURNS, LAST = "half/12", (250, 250, 350), 33, 8
+"""The race is on a memory of the test part, that no training has seen; pictures after the first two steps of a turn."""
+
+
+def race(browser: Browser) -> None:
+    """Write images/explorer_race.gif: the learned map against uniform sampling, as the page shows it."""
+    with tempfile.TemporaryDirectory() as folder:
+        server = Server(Path(folder), words=["--resolution", "100"], memories=(RACE_MEMORY,))
+        try:
+            tab = Visit(browser, server.url, size=(1280, 720), plays=True)
+            tab.page.set_default_timeout(600_000)
+            tab.page.clock.install(time=0)  # the page's time goes on by what a picture needs, however slow the machine
+            tab.page.clock.pause_at(600)
+            tab.press("Watch agents")
+            tab.page.locator(".dot.b").first.wait_for()
+            images = []
+            for _ in range(RACE_TURNS):
+                for step_ms in RACE_STEPS_MS:
+                    tab.page.clock.fast_forward(step_ms)
+                    if step_ms != RACE_STEPS_MS[-1]:
+                        picture = Image.open(io.BytesIO(tab.page.screenshot())).convert("RGB")
+                        images.append(np.asarray(picture.resize(FILM_PX, Image.Resampling.LANCZOS)))
+            assert tab.page.get_by_text("wins:").count() == 1
+            tab.context.close()
+        finally:
+            server.stop()
+    write_gif([*images, *images[-1:] * LAST], IMAGES / "explorer_race.gif", frame_dt_s=0.2)
+
+
 def _taken(tab: Visit) -> bytes:
     tab.page.wait_for_timeout(3_000)  # the robot's posture and finer maps settle
     png = tab.page.screenshot()
@@ -99,7 +128,7 @@ PICTURES = {
 
 def main() -> None:
     """Take the pictures that are asked for."""
-    known = [*PICTURES, "film"]
+    known = [*PICTURES, "film", "race"]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("pictures", nargs="*", metavar="PICTURE", help=f"of {', '.join(known)}; default: all")
     names = parser.parse_args().pictures or known
@@ -118,6 +147,8 @@ def main() -> None:
             for name in names:
                 if name == "film":
                     film(browser, server.url)
+                elif name == "race":
+                    race(browser)
                 else:
                     save_small(io.BytesIO(PICTURES[name](browser, server.url)), IMAGES / f"explorer_{name}.png")
         finally:

@@ -28,9 +28,13 @@ from creative_nao.model import Memory, load_memory, shipped_memories
 OUTCOME, PHYSICAL = "outcome", "physical"
 _PHYSICAL_FIGURES = {f"{PHYSICAL}_{name}": name for name in FIGURES if name != "fell"}
 COLOURS: dict[str, str] = {
-    NEAREST: "nearest action",
+    NEAREST: "most similar taught movement",
     OUTCOME: "new, taught or unusable",
-    **{name: colouring.label for name, colouring in COLOURINGS.items()},
+    "novelty": "difference from the nearest taught movement [rad]",
+    "unexpectedness": "how rare it is on this map [bit]",
+    "speed": "largest speed of a joint [rad/s]",
+    "excursion": "how far the most moving joint goes [rad]",
+    "ruggedness": "difference from the neighbours on the map [rad]",
     PHYSICAL: "on the robot: what happens",
     **{key: f"on the robot: {FIGURES[name]}" for key, name in _PHYSICAL_FIGURES.items()},
 }

@@ -95,6 +95,20 @@ def test_an_idle_page_draws_nothing(visit, server):
 
 
 @pytest.mark.slow
+def test_where_the_processor_draws_it_draws_thirty_pictures_a_second(visit, server):
+    tab = visit(server.url, plays=True)
+    drawn = """() => new Promise((done) => {
+        const { player, panels: [{ stage }] } = explorer;
+        player.play();
+        const before = stage.frames;
+        setTimeout(() => done([stage.software, stage.frames - before]), 2000);
+    })"""
+    software, n = tab(drawn)
+    assert software
+    assert 1 < n <= 70
+
+
+@pytest.mark.slow
 def test_keys_work_wherever_the_focus_is(visit, server):
     tab = visit(f"{server.url}?x=0&y=0")
     tab.page.keyboard.press("3")
@@ -136,6 +150,10 @@ def test_the_drawer_tells_numbers_curves_and_takes_a_point(visit, server):
     tab.press("Details")
     drawer = tab.page.locator("#drawer")
     assert drawer.locator("svg").count() == 8
+    assert drawer.evaluate("(box) => box.scrollWidth <= box.clientWidth")
+    scene = tab.page.locator("#scene").bounding_box()
+    assert scene["width"] > 300  # the robot stays in sight beside it
+    assert scene["x"] + scene["width"] <= drawer.bounding_box()["x"]
     drawer.locator("#pb1").fill("0,25")
     drawer.locator("#pb2").fill("-0.5")
     drawer.locator("#pb2").press("Enter")
@@ -181,6 +199,7 @@ def test_two_memories_follow_one_pointer(visit, server):
     tab.until("() => explorer.panels.length === 2 && explorer.panels[1].recall")
     tab.click_map(0.7, 0.3)
     angles = tab("() => explorer.panels.map((panel) => [...panel.recall.angles[20]])")
+    assert not re.search("[LR](Shoulder|Elbow)", tab.status)  # joints are called in words
     assert np.abs(np.subtract(*angles)).max() > 0.01
     assert tab("() => document.documentElement.scrollHeight <= innerHeight")
     gone = visit(f"{server.url}?beside=nothing&taught=guess&colour=none")
@@ -198,7 +217,11 @@ def test_the_tour_shows_surprises_and_ends(visit, server):
     seen = []
     while "Explore yourself" not in panel.text_content():
         seen.append(tab.points)
-        assert "nobody taught it" in panel.text_content()
+        assert re.search(r"The agent \w+ found this movement; nobody taught it", panel.text_content())
+        box = panel.bounding_box()
+        for name in ("#map", ".player"):
+            other = tab.page.locator(name).bounding_box()
+            assert other["x"] + other["width"] <= box["x"] or other["y"] + other["height"] <= box["y"]
         tab.press("Next")
     assert len(seen) == 3
     tab.press("Explore yourself")
@@ -216,6 +239,9 @@ def test_two_agents_race_on_the_map_with_a_robot_each(visit, server):
     tab.press("To the end")
     tab.page.get_by_text("wins:").wait_for(timeout=120_000)
     assert tab.page.locator(".dot").count() == 60
+    player = tab.page.locator(".player").bounding_box()
+    assert player["y"] + player["height"] <= tab.page.locator("#stop").bounding_box()["y"]
+    assert all("/" not in text for text in labels.all_text_contents())
     tab.page.get_by_label("Yellow dots").select_option("plan@8")  # another race begins
     tab.page.get_by_text("plan@8: ").wait_for(timeout=120_000)
     tab.press("To the end")
@@ -260,6 +286,11 @@ def test_a_phone_scrolls_and_has_the_robot_on_top(visit, server):
     robot = tab.page.locator("#scene").bounding_box()
     assert robot["y"] + robot["height"] < 0.45 * 844
     assert tab.page.locator("#map").bounding_box()["width"] > 340
+    for name in ("Keep as favourite", "Draw a path", "Undo", "Dark or light"):  # no button is beyond the edge
+        box = tab.page.get_by_role("button", name=name).bounding_box()
+        assert box["x"] + box["width"] <= 390
+    hint, zooms = (tab.page.locator(name).bounding_box() for name in ("#hint", ".zooms"))
+    assert zooms["y"] + zooms["height"] <= hint["y"] < 700
     x, y = tab.place(0.4, 0.4)
     tab.page.touchscreen.tap(x, y)
     assert tab.points[0] == pytest.approx([-0.2, 0.2], abs=0.03)
@@ -307,7 +338,10 @@ def test_zoom_brings_finer_cells(visit, server):
     assert tab("() => { const { colour, view } = explorer.panels[0].map; return [colour, view.width]; }") == [
         "unexpectedness", 0.002,
     ]  # fmt: skip
+    overflow = "() => getComputedStyle(document.querySelector('#map svg')).overflow"
+    assert tab(overflow) == "hidden"
     tab.press("Whole map")
+    assert tab(overflow) == "visible"  # a ring on the edge is a whole one
     tab.until("() => !location.search.includes('view=')")
 
 

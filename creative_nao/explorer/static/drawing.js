@@ -1,4 +1,6 @@
 // What is drawn as SVG or built as elements. All text goes in as text.
+import { spoken } from "./engine.js";
+
 const [WIDTH, HEIGHT] = [150, 78];
 const ORDER = [4, 5, 6, 7, 0, 1, 2, 3]; // left arm above the right, as columns of a movement
 
@@ -20,7 +22,7 @@ const line = (rows, joint, last, kind, first = 0) => {
 };
 
 function frame(name, inside) {
-  const words = name.replace(/[^\w ]/g, "");
+  const words = spoken(name).replace(/[^\w ]/g, "");
   return `<svg viewBox="-2 -16 ${WIDTH + 4} ${HEIGHT + 20}" role="img" aria-label="${words} over time"><text class="name" y="-4">${words}</text>
     <rect class="panel-box" width="${WIDTH}" height="${HEIGHT}"/>${inside}<line class="cursor" y2="${HEIGHT}"/></svg>`;
 }

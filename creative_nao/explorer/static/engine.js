@@ -146,8 +146,8 @@ export class Memory {
     if (recall.outcome === "learned") text = `Close to ${like}, which the robot was taught.`;
     if (recall.outcome === "fluctuating") {
       const { speed, joint, tick } = recall.fastest;
-      text = `Faster than the motors may turn: ${this.joints[joint]} reaches ${speed.toFixed(1)} rad/s after `
-        + `${(tick * this.dt).toFixed(1)} s, ${this.speedLimit[joint].toFixed(1)} is the limit. Most like ${like}.`;
+      text = `Faster than the motors: ${spoken(this.joints[joint])} reaches ${speed.toFixed(1)} rad/s after `
+        + `${(tick * this.dt).toFixed(1)} s, the limit is ${this.speedLimit[joint].toFixed(1)}. Most like ${like}.`;
     }
     if (recall.outcome === "non_moving") text = `The robot hardly moves: ${recall.travel.toFixed(2)} rad at most.`;
     if (recall.points?.length > 1) text = `Path of ${recall.points.length} points. ${text}`;
@@ -156,6 +156,8 @@ export class Memory {
   }
 }
 
+// "RElbowRoll" in words: "right elbow roll".
+export const spoken = (joint) => joint.replace(/^R/, "right").replace(/^L/, "left").replace(/[A-Z]/g, (letter) => ` ${letter.toLowerCase()}`);
 const SLOWED = "In the simulation the motors turned as fast as they can, and the robot stayed on its feet.";
 const BODY = {
   joint_limit: "The body cannot: a joint would leave its range.",

@@ -57,6 +57,7 @@ export class PBMap {
 
   show(cells, span, colour = this.colour, view = this.view) {
     Object.assign(this, { cells, span, colour, view });
+    this.host.classList.toggle("near", view !== WHOLE); // what lies outside is cut off
     this.paint();
     this.drawMarks();
   }

@@ -376,8 +376,8 @@ function details() {
   ["pb1", "pb2"].forEach((id, k) => {
     if (document.activeElement !== $(id)) $(id).value = last[k].toFixed(app.panels[0].map.digits);
   });
-  const figures = app.panels.map((panel) => `${panel.memory.name}: ${panel.recall.novelty.toFixed(1)} rad from ${panel.memory.names[panel.recall.nearest]}`);
-  $("numbers").textContent = `Distance to the nearest taught movement (DTW; taught up to ${memory.learnedThreshold}). ${figures.join("; ")}.`;
+  const figures = app.panels.map((panel) => `${panel.memory.name}: ${panel.recall.novelty.toFixed(1)} rad from ${panel.memory.names[panel.recall.nearest]}, the nearest taught movement`);
+  $("numbers").textContent = `${figures.join("; ")}. Up to ${memory.learnedThreshold} counts as taught (differences of posture, summed over time: DTW).`;
   $("curves").innerHTML = curvesSvg(memory, recall);
   const parts = stretches(recall.angles, memory);
   const end = Math.max(1, recall.angles.length - 1);
@@ -398,6 +398,7 @@ function details() {
 function drawer(open) {
   $("drawer").hidden = !open;
   $("open-drawer").setAttribute("aria-expanded", open);
+  document.body.classList.toggle("detailed", open);
   if (open) details();
 }
 
@@ -701,7 +702,7 @@ async function start() {
   document.title = `${first.memory.name}: memory explorer`;
   options("colour", Object.entries(first.colours));
   options("beside", [["", "none"], ...app.state.names.filter((one) => one !== first.name).map((one) => [one, one])]);
-  options("format", [...(app.state.formats ?? []), ["gif", "GIF: film"], ["mp4", "MP4: film"]]);
+  options("format", [...(app.state.formats ?? []).map(([ending, text]) => [ending, text.replaceAll("`", "")]), ["gif", "GIF: film"], ["mp4", "MP4: film"]]);
   for (const id of ["walk-from", "walk-to"]) options(id, first.memory.names.map((text, k) => [k, `${letter(k)} ${text}`]));
   goodWalk(first).forEach((place, k) => ($(["walk-from", "walk-to"][k]).value = place));
   if (source.served && app.taught) $("to-teach").href = `teach?taught=${app.taught}`;

@@ -3,6 +3,7 @@ const T = globalThis.THREE;
 
 const BLEND_S = 0.22; // how long one movement takes to become the next
 const REST_S = 60; // after so long without anybody touching the page, a looping robot rests
+const SLOW_FRAME_MS = 30; // between frames that play on where the processor draws: half the work, and no one sees it
 const HOME = { position: [0.42, -0.98, 0.56], target: [0.13, 0, 0.34] };
 const upright = (geometry) => geometry.rotateX(Math.PI / 2); // MuJoCo's capsules lie along z, those here along y
 const SHAPES = {
@@ -16,7 +17,7 @@ const SHAPES = {
 // One time for all stages of the page. `changed` is called when it has moved or play has begun or ended.
 export class Player {
   constructor(changed = () => {}) {
-    Object.assign(this, { changed, stages: [], time: 0, duration: 0, speed: 1, looping: true, before: 0, asked: false });
+    Object.assign(this, { changed, stages: [], time: 0, duration: 0, speed: 1, looping: true, before: 0, drawn: 0, asked: false });
     this.playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.touched = performance.now();
     for (const kind of ["pointerdown", "pointermove", "keydown"]) {
@@ -34,8 +35,9 @@ export class Player {
 
   frame(now) {
     this.asked = false;
+    if (this.playing && now - this.drawn < SLOW_FRAME_MS - 4 && this.stages.every((stage) => stage.software && !stage.held)) return this.wake();
     const elapsed = Math.min(0.25, Math.max(0, (now - this.before) / 1000));
-    this.before = now;
+    this.before = this.drawn = now;
     if (this.playing && now - this.touched > 1000 * REST_S) this.pause();
     if (this.playing && this.duration) this.seek(this.next(elapsed * this.speed));
     let again = this.playing && this.duration > 0;
@@ -87,6 +89,9 @@ export class Stage {
   constructor(host, description, player, plain = false) {
     Object.assign(this, { host, player, plain, duration: 0, dirty: true, blend: 1, slow: 0, frames: 0, ghostShown: true });
     this.renderer = new T.WebGLRenderer({ antialias: true, alpha: plain, preserveDrawingBuffer: plain });
+    const context = this.renderer.getContext();
+    const info = context.getExtension("WEBGL_debug_renderer_info");
+    this.software = /swiftshader|llvmpipe|software|basic render/i.test(context.getParameter(info?.UNMASKED_RENDERER_WEBGL ?? context.RENDERER));
     this.renderer.shadowMap.enabled = !plain;
     this.renderer.shadowMap.type = T.PCFShadowMap;
     this.scene = new T.Scene();
@@ -95,7 +100,7 @@ export class Stage {
     this.light();
     this.robot = new Robot(description, plain);
     this.scene.add(this.robot.root);
-    this.ratio = Math.min(devicePixelRatio, 2);
+    this.ratio = Math.min(devicePixelRatio, this.software ? 1 : 2);
     host.append(this.renderer.domElement);
     this.controls = plain ? null : this.control();
     this.home();
@@ -131,6 +136,8 @@ export class Stage {
       this.camera.position.z = Math.max(this.camera.position.z, 0.06);
       this.refresh();
     });
+    controls.addEventListener("start", () => (this.held = true));
+    controls.addEventListener("end", () => (this.held = false));
     this.renderer.domElement.addEventListener("dblclick", () => this.home());
     return controls;
   }

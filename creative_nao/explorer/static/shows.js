@@ -15,10 +15,12 @@ export function sheet(title, children, next, ended = () => {}, word = "End") {
   box.replaceChildren(make("h2", {}, title), ...children, make("div", { className: "row" }, [...next, make("span", { className: "gap" }), close]));
   box.setAttribute("aria-label", title);
   box.hidden = false;
+  document.body.classList.toggle("staged", app.panels.length > 0);
   const run = { over: false };
   stopped = () => {
     run.over = true;
     box.hidden = true;
+    document.body.classList.remove("staged");
     app.panels[0].map?.mark({ dots: runDots() });
     stopped = () => {};
     ended();
@@ -32,6 +34,7 @@ const tries = (agent, seed = 1) => source.agent(agent, app.panels[0].name, seed)
 // Four surprises: of what the agent earned most with, those that lie apart.
 export async function tour() {
   const { memory, agents: { guide } } = app.panels[0];
+  const [agent] = spokenNames([guide]);
   const played = await waiting(() => tries(guide), $("tour"));
   const found = [];
   for (const one of [...(played?.tries ?? [])].sort((a, b) => b.reward - a.reward)) {
@@ -48,18 +51,24 @@ export async function tour() {
     const { pb, reward } = found[place];
     const recall = memory.recall([pb]);
     show([pb]);
-    const words = sentence(stretches(recall.angles, memory), memory);
+    const parts = stretches(recall.angles, memory);
+    const words = parts.length > 1 ? sentence(parts, memory) : `Of what it was taught, ${memory.names[recall.nearest]} comes nearest.`;
     const last = place === found.length - 1;
     const next = make("button", { className: "primary" }, last ? "Explore yourself" : "Next");
     next.addEventListener("click", () => (last ? stopped() : step(place + 1)));
     sheet(`Surprise ${place + 1} of ${found.length}`, [
-      make("p", {}, `The agent ${guide} found this: nobody taught it. ${words} It earned ${reward.toFixed(1)} for being so different.`),
+      make("p", {}, `The agent ${agent} found this movement; nobody taught it. ${words} Reward for how different it is: ${reward.toFixed(1)}.`),
     ], [next]);
     next.focus();
   }
 }
 
 const spokenName = (name) => name.replace(/^run:/, "");
+// Without the environment that they were trained in, where that tells them apart.
+function spokenNames(names) {
+  const short = names.map((name) => spokenName(name).replace(/\/[^@]*/, ""));
+  return new Set(short).size === names.length ? short : names.map(spokenName);
+}
 const RACERS = ["White", "Yellow"];
 const [FIRST_TURNS, SLOW_MS, FAST_MS, RACE_SPEED] = [3, 1700, 850, 3.5];
 
@@ -80,9 +89,10 @@ export async function race(pair = app.panels[0].agents.pair, seed = 1, sign = $(
   if (app.panels.length > 1) await setBeside("");
   const [panel] = app.panels;
   const { groups } = panel.agents;
+  const names = spokenNames(pair);
   const racers = played.map((one, k) => ({
-    ...one, name: spokenName(pair[k]), total: 0, bar: make("i"), score: make("b", { className: "figures" }, "0.0"),
-    words: make("span", { className: `of ${"ab"[k]}` }, spokenName(pair[k])), imagined: one.tries.reduce((sum, { imagined }) => sum + imagined, 0),
+    ...one, name: names[k], total: 0, bar: make("i"), score: make("b", { className: "figures" }, "0.0"),
+    words: make("span", { className: `of ${"ab"[k]}` }, names[k]), imagined: one.tries.reduce((sum, { imagined }) => sum + imagined, 0),
   }));
   const most = Math.max(...racers.map((racer) => racer.tries.reduce((sum, one) => sum + Math.max(0, one.reward), 0)), 1);
   const n = Math.max(...racers.map((racer) => racer.tries.length));
