@@ -26,6 +26,7 @@ class SB3VecEnv(VecEnv):
 
     Sub-environments answer one by one, as in `DummyVecEnv`: options, attributes, methods, `indices`. The `info` at the
     end of an episode holds its return and length, `episode`, so that `ep_rew_mean` is logged without a `VecMonitor`.
+    The end of a rehearsal, which the agent's commits bring about, is none of a time limit (`TimeLimit.truncated`).
 
     Args:
         venv: A vector environment with `autoreset_mode` `SAME_STEP`, or the name of a registered environment.
@@ -58,6 +59,8 @@ class SB3VecEnv(VecEnv):
                 f"`venv` should have autoreset_mode SAME_STEP, as Stable-Baselines3 needs it, but has {mode}"
             )
         self.venv = made
+        # Else Stable-Baselines3 would expect more reward after the budget's end, and an agent that can would hasten it.
+        self._ends_itself = getattr(getattr(made.unwrapped, "single_class", None), "_rehearsal", False)
         self._actions: np.ndarray | None = None
         self._begin_terms: set[str] = set()
         self._returns, self._lengths = np.zeros(made.num_envs), np.zeros(made.num_envs, np.int64)
@@ -110,7 +113,7 @@ class SB3VecEnv(VecEnv):
                 **added,
                 **_info_of(infos["final_info"], k),
                 "terminal_observation": infos["final_obs"][k],
-                "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
+                "TimeLimit.truncated": bool(truncated[k] and not terminated[k] and not self._ends_itself),
             }
         self._returns[ended], self._lengths[ended], self._began[ended] = 0.0, 0, now
         return observations, rewards.astype(np.float32), ended, all_infos

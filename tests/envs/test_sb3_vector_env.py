@@ -118,6 +118,16 @@ def test_the_end_of_an_episode_is_told_in_its_last_step(attempt, same):
     plain.close()
 
 
+def test_the_end_of_a_rehearsal_is_none_of_a_time_limit():
+    """Else PPO would add the value that it expects there, and an agent would commit early to get it."""
+    with closing(SB3VecEnv("CreativeNao/BoxingRehearsal-v0", 2, n_imagined=2)) as env:
+        env.reset()
+        for _ in range(2):
+            _, _, done, infos = env.step(np.full((2, 3), -0.5, np.float32))
+        assert done.all()
+        assert [info["TimeLimit.truncated"] for info in infos] == [False, False]
+
+
 def test_the_mean_return_is_logged_without_a_monitor():
     with closing(SB3VecEnv(MENTAL, 2, n_actions=2)) as env:
         model = PPO("MlpPolicy", env, n_steps=4, batch_size=4, n_epochs=1, device="cpu", seed=0)
