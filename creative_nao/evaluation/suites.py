@@ -352,11 +352,6 @@ def bundle_of(name: str) -> str | None:
     return base if found else None
 
 
-def in_bundle(name: str) -> bool:
-    """Return whether an agent comes out of a bundle that was trained before."""
-    return bundle_of(name) is not None
-
-
 def check_agent(name: str) -> str:
     """Return `name` if it can take part.
 
@@ -374,7 +369,7 @@ def check_agent(name: str) -> str:
         return name
     if base in UNTRAINED:
         make_agent(name)
-    elif in_bundle(name):
+    elif bundle_of(name) is not None:
         load_bundle(base)
     elif is_entry_point(base):
         load_entry_point(base)

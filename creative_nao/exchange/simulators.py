@@ -96,6 +96,8 @@ _DOCUMENT = re.compile(r"^---[ \t]*\r?$", re.MULTILINE)
 
 def write_ros(motion: Motion, path: Path) -> list[str]:
     """Write the message, as YAML unless the file's name ends in .json; the first point leaves time to get there."""
+    import yaml
+
     start, tick = round(motion.lead_s() * _NANO), motion.dt_s * _NANO
     points = []
     for step, posture in enumerate(motion.angles):
@@ -109,23 +111,10 @@ def write_ros(motion: Motion, path: Path) -> list[str]:
         storage.write_text(path, f'{head}"points": [\n{rows}\n]}}\n')
     else:
         # A comment, since a message with a field that its type does not have is refused by ROS.
-        storage.write_text(path, f"{_METADATA}{json.dumps(motion.metadata)}\n{_yaml(message)}\n")
+        dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # the compiled one where PyYAML has it
+        text = yaml.dump(message, Dumper=dumper, default_flow_style=None, sort_keys=False, width=10**9)
+        storage.write_text(path, f"{_METADATA}{json.dumps(motion.metadata)}\n{text}")
     return [f"the first posture is reached after {motion.lead_s():g} s"]
-
-
-def _yaml(value: dict[str, Any], indent: int = 0) -> str:
-    """Return a mapping as YAML; lists of numbers and small mappings stand on one line (their JSON is YAML)."""
-    lines = []
-    space = " " * indent
-    for key, item in value.items():
-        if isinstance(item, dict) and any(isinstance(part, dict | list) for part in item.values()):
-            lines.append(f"{space}{key}:\n{_yaml(item, indent + 2)}")
-        elif isinstance(item, list) and item and isinstance(item[0], dict):
-            entries = [_yaml(part, indent + 2) for part in item]
-            lines += [f"{space}{key}:"] + [f"{space}- {entry[indent + 2 :]}" for entry in entries]
-        else:
-            lines.append(f"{space}{key}: {json.dumps(item, allow_nan=False)}")
-    return "\n".join(lines)
 
 
 _OUTER = ("goal", "trajectory", "joint_trajectory", "planned_trajectory", "trajectory_start", "msg", "message")

@@ -156,10 +156,6 @@ def measured(memory: Memory, pb_map: PBMap, colour: str, whole: PBMap, work: Com
     return values
 
 
-MAX_FINER = 200
-"""Cells along each side of a window: as fine as the map."""
-
-
 def finer_cells(
     memory: Memory, whole: PBMap, view: View, n: int, colour: str, work: Computation
 ) -> dict[str, Any] | None:
