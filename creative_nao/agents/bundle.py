@@ -6,6 +6,7 @@ Nothing is unpickled or imported because a file names it.
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 import platform
 from collections.abc import Callable
@@ -19,7 +20,7 @@ from pydantic import BeforeValidator
 from creative_nao.agents.play import Score, evaluate_policy, told_track
 from creative_nao.agents.settings import Hyperparameters, check_entry, find_algorithm, nets_of
 from creative_nao.agents.training import PPOSettings
-from creative_nao.arrays import load_tensors, save_tensors
+from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
 from creative_nao.envs import Track
 from creative_nao.errors import (
     CreativeNaoError,
@@ -232,31 +233,21 @@ def load_bundle(path: str | Path) -> TrainedPolicy:
     """
     path = find_bundle(path)
     described, arrays = load_tensors(path, kind=KIND)
-    header = _header(f"agent bundle {path}: header", described)
+    where = f"agent bundle {path}"
+    header = _header(f"{where}: header", described)
     _check_sizes(path, header, arrays)
     try:
         policy = header.make_policy()
     except MissingDependencyError:
         raise
     except Exception as error:  # whatever a class of another package says to settings out of a stranger's file
-        raise FileFormatError(f"agent bundle {path}: header: `settings`: no policy can be made: {error}") from error
+        raise FileFormatError(f"{where}: header: `settings`: no policy can be made: {error}") from error
     expected = _weights_of(policy, header)
+    only_arrays(where, arrays, expected)
     for name, tensor in expected.items():
-        dtype, where = str(tensor.dtype).removeprefix("torch."), f"agent bundle {path}: weights `{name}`"
-        array = arrays.get(name)
-        if array is None:
-            raise FileFormatError(f"{where} are missing")
-        if array.shape != tensor.shape or array.dtype != dtype:
-            raise FileFormatError(
-                f"{where} should be {dtype} of shape {tuple(tensor.shape)}, but are {array.dtype} of {array.shape}"
-            )
-        if not np.isfinite(array).all():
-            raise FileFormatError(f"{where} hold values that are not finite")
-        most = MAX_LOG_STD if name.endswith("log_std") else MAX_WEIGHT
-        if array.dtype.kind == "f" and array.size and np.abs(array).max() > most:
-            raise FileFormatError(f"{where} should be at most {most:g}, but are not")
-    if extra := sorted(set(arrays) - set(expected)):
-        raise FileFormatError(f"agent bundle {path}: weights `{extra[0][:60]}` belong to no part of the policy")
+        dtype = np.dtype(str(tensor.dtype).removeprefix("torch."))
+        most = math.inf if dtype.kind != "f" else MAX_LOG_STD if name.endswith("log_std") else MAX_WEIGHT
+        take(where, arrays, name, tuple(tensor.shape), dtype.type, kinds="fiu", least=-most, most=most)
     import torch
 
     weights = {name: torch.from_numpy(array) for name, array in arrays.items()}
