@@ -226,6 +226,12 @@ class PlanningAgent(MovementAgent[S]):
         elif self._heeds_body and info["outcome"] in PHYSICAL_FAULTS:
             self.refuse(np.asarray(info["commanded"]))
 
+    def around_best(self, n: int, sigma: float) -> np.ndarray:
+        """Draw points normally distributed around the movement kept that is worth most, shape (n, n_pb)."""
+        space = self.context.action_space
+        best = self._pool_pb[int((self._distances * self._accepted).argmax())]
+        return np.clip(best + self.context.rng.normal(0.0, sigma, (n, *space.shape)), space.low, space.high)
+
     @abstractmethod
     def where(self, n: int) -> np.ndarray:
         """Return where to imagine next, shape (n, n_pb)."""
@@ -259,13 +265,7 @@ class PlanAgent(PlanningAgent[PlanSettings]):
 
     def where(self, n: int) -> np.ndarray:
         """Draw points around the best movement imagined and not yet performed, shape (n, n_pb)."""
-        space = self.context.action_space
-        if not self._pool:
-            return uniform_points(self.context, n)
-        best = self._pool_pb[int((self._distances * self._accepted).argmax())]
-        return np.clip(
-            best + self.context.rng.normal(0.0, self.settings.sigma, (n, *space.shape)), space.low, space.high
-        )
+        return self.around_best(n, self.settings.sigma) if self._pool else uniform_points(self.context, n)
 
 
 class PlanWithSenseAgent(PlanAgent):

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 MAX_ROWS = 400
 """Most tries that the network is shown: of more imagined ones, some evenly over the episode."""
+LOCAL_SIGMA = 0.1
+"""Standard deviation of the points around the best movement, in each PB unit."""
 Ask = Callable[[np.ndarray], tuple[np.ndarray, ...]]
 """Probability of being appropriate, distance and its spread of PB points, as of `AttentiveMap.expect`."""
 
@@ -36,6 +38,9 @@ class LearnedMapSettings:
     """Points around the best of them that are asked then."""
     first_share: UnitInterval = 0.0
     """Part of the budget of imagining that is spread evenly before the first movement is performed."""
+    n_expected: Annotated[int, Field(ge=1, le=9_999)] = 9_999
+    """Most points that are imagined before a movement where the map expects most; what else the budget allows is drawn
+    around the best movement imagined and not yet performed."""
 
 
 def refined(ask: Ask, candidates: np.ndarray, n_refined: int, best: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -70,9 +75,9 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
     """Expects what each point would earn now, by a network that has seen other memories, and takes the best.
 
     Without imagining it performs the best point; else it imagines where most is expected beyond the best movement
-    imagined so far, shows the network all that it has imagined, and performs the farthest movement of all those. It
-    reads `info` and works in every environment of the project whose memories have as many PB units and basic actions as
-    those it was trained on; in physics it weighs movements by the body sense.
+    imagined so far, and around that one, shows the network all that it has imagined, and performs the farthest movement
+    of all those. It reads `info` and works in every environment of the project whose memories have as many PB units and
+    basic actions as those it was trained on; in physics it weighs movements by the body sense.
 
     Args:
         trained: A trained map, from `load_agent`.
@@ -118,15 +123,17 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
         return self.where(1)[0]
 
     def where(self, n: int) -> np.ndarray:
-        """Return the `n` best of points shifted at random within their cells, best first, shape (n, n_pb)."""
+        """Return the best of points shifted at random within their cells, best first, then local ones, (n, n_pb)."""
         n_pb, rng = self._points.shape[1], self.context.rng
+        n_local = 0 if self.best() is None else max(n - self.settings.n_expected, 0)
         spread = self._candidates if n <= len(self._candidates) else spread_points(n_pb, 2 * n)
         shift = cell(len(spread), n_pb) * rng.uniform(-0.5, 0.5, spread.shape)
         best = 0.0 if (place := self.best()) is None else float(self._distances[place]) / self._unit
         candidates = np.clip(spread + shift, -1.0, 1.0).astype(np.float32)
         n_refined = self.settings.n_refined if n == 1 else 0  # else all would lie around the best
         pb, values = refined(self._map.expect(self._points, *self.rows()), candidates, n_refined, best)
-        return pb[np.argsort(-values, kind="stable")[:n]].astype(np.float64)
+        chosen = pb[np.argsort(-values, kind="stable")[: n - n_local]].astype(np.float64)
+        return np.concatenate([chosen, self.around_best(n_local, LOCAL_SIGMA)]) if n_local else chosen
 
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
         """Return all tries as rows of the -v1 observation, (n, width), and whether each was performed, (n,).

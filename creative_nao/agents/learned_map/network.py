@@ -64,7 +64,7 @@ class AttentiveMap(nn.Module):
         n_heads: Of each layer of attention.
         n_layers: Layers in which tries read each other, and as many in which points read them.
         dropout: Share of units left out in training.
-        n_asked, n_refined, first_share: As of `LearnedMapSettings`.
+        n_asked, n_refined, first_share, n_expected: As of `LearnedMapSettings`.
     """
 
     waves: Tensor
@@ -83,9 +83,10 @@ class AttentiveMap(nn.Module):
         n_asked: int = 256,
         n_refined: int = 64,
         first_share: float = 0.0,
+        n_expected: int = 9_999,
     ) -> None:
         super().__init__()
-        self.settings = LearnedMapSettings(n_asked, n_refined, first_share)
+        self.settings = LearnedMapSettings(n_asked, n_refined, first_share, n_expected)
         self.observation_space, self.action_space = observation_space, action_space
         n_pb = action_space.shape[0]
         self.parts, self.columns = tries_of(observation_space)
