@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from creative_nao.agents import BundleHeader, load_agent, make_agent, save_bundle
-from creative_nao.agents.learned_map.agent import refined
+from creative_nao.agents.learned_map.agent import LOCAL_SIGMA, LearnedMapAgent, LearnedMapSettings, refined
 from creative_nao.agents.learned_map.episodes import SimulatedEpisode, random_warp
 from creative_nao.agents.learned_map.training import Simulator, SupervisedMap, judge, learning_rate, train_map
 from creative_nao.agents.learned_map.truth import (
@@ -288,6 +288,24 @@ def test_the_agent_tells_the_network_what_the_observation_holds(bundle):
         np.testing.assert_allclose(rows[performed], seen, rtol=1e-6)
         assert not performed[: len(rows) - n].any()
         assert len(rows) <= step.n_imagined + n
+    env.close()
+
+
+def test_beyond_n_expected_it_imagines_around_the_best_movement(bundle):
+    agent = LearnedMapAgent(load_agent(bundle), LearnedMapSettings(n_expected=3))
+    agent.n_candidates = 8
+    env = gym.make(ENV, memory="half/10", n_imagined=240)
+    for step in play_episode(agent, env, seed=0, rng=np.random.default_rng(0)):
+        if step.n_imagined == 80 and agent.best() is not None:
+            found, best = agent.where(8), agent._pool_pb[agent.best()]
+            gaps = np.abs(found - best).max(axis=1)
+            assert found.shape == (8, 2)
+            assert (gaps[3:] < 5.0 * LOCAL_SIGMA).all()
+            assert gaps[3:].min() < LOCAL_SIGMA
+            assert len(agent.where(3)) == 3
+            break
+    else:
+        pytest.fail("no movement was left to imagine around")
     env.close()
 
 
