@@ -2,8 +2,10 @@
 
 `python studies/ppo_from_map.py MAP.safetensors --truths FOLDER --auxiliary 8 --out FILE.json` trains the map's network
 as a policy: what it expects a cell of a grid to earn, divided by a temperature that is learned too, is the logit of
-choosing that cell. It prints the reward on validation memories before and after. FOLDER keeps the truths of the train
-memories, which are made where they are missing.
+choosing that cell. With `--env CreativeNao/BoxingRehearsal-v0` it chooses where to imagine: the logit is the logarithm
+of what it expects beyond the candidate, divided by the temperature; a network that begins with a commit at every eighth
+movement imagined decides when to stop. It prints the reward on validation memories; `--timesteps 0` judges the start.
+FOLDER keeps the truths of the train memories, which are made where they are missing.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from __future__ import annotations
 import argparse
 import copy
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -28,42 +31,70 @@ from creative_nao.agents.learned_map.training import Simulator, SupervisedMap, l
 from creative_nao.agents.learned_map.truth import bank_truths
 from creative_nao.agents.play import Score, evaluate_agent
 from creative_nao.envs import SB3VecEnv, Track
-from creative_nao.envs.observation import split
+from creative_nao.envs.observation import split, tries_of
 from creative_nao.model import split_memories
 
-ENV = "CreativeNao/BoxingMental-v1"
-RESOLUTION = 12
-"""Cells along an axis of the PB space, of which one is chosen and a point drawn within it."""
-TEMPERATURE = 0.1
-"""First divisor of what a cell is expected to earn, in units of the reward."""
+RESOLUTION = {False: 12, True: 8}
+"""Cells along an axis of the PB space, of which one is chosen and a point drawn within it; True: in rehearsal."""
+TEMPERATURE = {False: 0.1, True: 0.3}
+"""First divisor of what a cell is expected to earn, in units of the reward, in rehearsal of its logarithm."""
+N_SHOWN = 48
+"""Most tries that the map is shown: those performed, then the latest imagined."""
 
 
 class MapNetwork(nn.Module):
     """Logits of the cells from a learned map, and features of the value: what it expects of them, and the time."""
 
-    def __init__(self, start: AttentiveMap) -> None:
+    def __init__(self, start: AttentiveMap, space: Any) -> None:
         super().__init__()
         self.map = copy.deepcopy(start)
-        line = (torch.arange(RESOLUTION) + 0.5) * (2.0 / RESOLUTION) - 1.0
+        self.parts, self.columns = tries_of(space)
+        self.rehearsal = self.columns[-1].name == "candidate"
+        self.resolution = RESOLUTION[self.rehearsal]
+        line = (torch.arange(self.resolution) + 0.5) * (2.0 / self.resolution) - 1.0
         y, x = torch.meshgrid(line, line, indexing="ij")  # the first unit's index runs fastest
         self.register_buffer("places", torch.stack([x.flatten(), y.flatten()], dim=1), persistent=False)
-        self.log_temperature = nn.Parameter(torch.tensor(float(np.log(TEMPERATURE))))
-        self.value = nn.Sequential(nn.Linear(6, 32), nn.Tanh(), nn.Linear(32, 32), nn.Tanh())
-        self.latent_dim_pi, self.latent_dim_vf = RESOLUTION**2, 32
+        self.log_temperature = nn.Parameter(torch.tensor(float(np.log(TEMPERATURE[self.rehearsal]))))
+        n_told = 10 if self.rehearsal else 6
+        self.value = nn.Sequential(nn.Linear(n_told, 32), nn.Tanh(), nn.Linear(32, 32), nn.Tanh())
+        self.latent_dim_pi, self.latent_dim_vf = self.resolution**2 + self.rehearsal, 32
+        if self.rehearsal:
+            self.commit = nn.Sequential(nn.Linear(n_told, 32), nn.Tanh(), nn.Linear(32, 1))
+            nn.init.zeros_(self.commit[-1].weight)
+            nn.init.zeros_(self.commit[-1].bias)
 
     def forward(self, observations: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return logits (n, n_cells) and value features (n, 32)."""
-        told: Any = split(observations, self.map.parts, self.map.columns)  # pyright: ignore[reportArgumentType]
+        """Return logits (n, n_cells), in rehearsal of the commit too, and value features (n, 32)."""
+        told: Any = split(observations, self.parts, self.columns)  # pyright: ignore[reportArgumentType]
         rows = told["tries"][:, : max(int(told["tries"][..., 0].sum(dim=1).max()), 1)]
+        earned, performed, best = rows[..., self.columns[3].start], rows[..., 0], 0.0
+        if self.rehearsal:
+            performed, candidate = rows[..., -2], rows[..., -1]
+            waiting = (earned * candidate).sum(dim=1)
+            best = (waiting / (1.0 - waiting).clamp(min=1e-3))[:, None]
+            latest = torch.arange(rows.shape[1]) * rows[..., 0] + 1000.0 * performed
+            shown = latest.topk(min(N_SHOWN, rows.shape[1]), dim=1).indices
+            performed = performed.gather(1, shown)
+            rows = rows.gather(1, shown[..., None].expand(-1, -1, rows.shape[2]))[..., : self.map.columns[-1].stop]
         points = told["points"].unflatten(1, (self.map.n_basic, -1))
         asked = self.places.expand(len(observations), *self.places.shape)
-        usable, far, _ = expected(self.map(points, rows, rows[..., 0], asked))
+        usable, far, spread = expected(self.map(points, rows, performed, asked))
+        if self.rehearsal:
+            z = (far - best) / spread
+            far = spread * (z * torch.special.ndtr(z) + torch.exp(-(z**2) / 2.0) / np.sqrt(2.0 * np.pi))
         worth = usable * far
-        earned = rows[..., self.map.columns[3].start]
-        best = worth.topk(2, dim=1).values
-        summary = [worth.mean(dim=1), worth.std(dim=1), *best.unbind(dim=1), earned.mean(dim=1)]
-        value = self.value(torch.stack([*summary, told["step"][:, 0]], dim=1).detach())
-        return worth / self.log_temperature.exp(), value
+        top = worth.topk(2, dim=1).values
+        summary = [worth.mean(dim=1), worth.std(dim=1), *top.unbind(dim=1), earned.mean(dim=1), told["step"][:, 0]]
+        if not self.rehearsal:
+            return worth / self.log_temperature.exp(), self.value(torch.stack(summary, dim=1).detach())
+        imagined = told["imagined"][:, 0]
+        pace = 24.0 * (30.0 * (imagined - summary[-1]) - 0.8125)  # above 0 at every eighth
+        summary += [waiting, candidate.sum(dim=1), imagined, pace / 24.0]
+        known = torch.stack(summary, dim=1).detach()
+        logits = (worth + 1e-3).log() / self.log_temperature.exp()
+        # The step size is that of the map; what begins untrained takes larger steps.
+        commit = pace.clamp(-8.0, 8.0)[:, None] + 10.0 * self.commit(known)
+        return torch.cat([logits, commit], dim=1), 10.0 * self.value(known)
 
     def forward_actor(self, observations: torch.Tensor) -> torch.Tensor:
         """Return logits."""
@@ -85,7 +116,8 @@ class MapPolicy(CellPolicy):
 
     def make_network(self, space: Any, actions: Any) -> tuple[Any, CellDistribution]:
         """Return the network and its distribution."""
-        return MapNetwork(self.begin_with[0]), CellDistribution(2, RESOLUTION)
+        network = MapNetwork(self.begin_with[0], space)
+        return network, CellDistribution(2, network.resolution, network.rehearsal)
 
 
 class Auxiliary(BaseCallback):
@@ -115,11 +147,11 @@ class Auxiliary(BaseCallback):
         return True
 
 
-def judged(policy: Any, memories: tuple[str, ...], seeds: range) -> dict[str, Score]:
+def judged(policy: Any, env: str, memories: tuple[str, ...], seeds: range) -> dict[str, Score]:
     """Return the scores of a policy on memories, by the way it plays."""
     return {
-        way: Score(ENV, way == "likeliest", evaluate_agent(
-            PolicyAgent(policy, deterministic=way == "likeliest", track=Track.TRAJECTORIES), ENV, memories, seeds
+        way: Score(env, way == "likeliest", evaluate_agent(
+            PolicyAgent(policy, deterministic=way == "likeliest", track=Track.TRAJECTORIES), env, memories, seeds
         ))
         for way in ("drawn", "likeliest")
     }  # fmt: skip
@@ -129,6 +161,7 @@ def main() -> None:
     """Train and print the scores."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("map", help="bundle, or shipped name, of a learned map")
+    parser.add_argument("--env", default="CreativeNao/BoxingMental-v1", help="it, or CreativeNao/BoxingRehearsal-v0")
     parser.add_argument("--truths", type=Path, help="folder of the train memories' truths, for --auxiliary")
     parser.add_argument("--auxiliary", type=int, default=0, help="batches of the supervised loss after each rollout")
     parser.add_argument("--seed", type=int, default=0)
@@ -140,27 +173,29 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
     torch.set_num_threads(1)
+    began = time.process_time()
     start: Any = load_agent(asked.map).policy
     names = split_memories("train")
     simulator = None
     if asked.auxiliary:
         simulator = Simulator(bank_truths(names, asked.truths), SupervisedMap(imagined_share=0.0))
-    envs = FlippedSwappedAxes(SB3VecEnv(ENV, 32, n_threads=1, memory="train"))
+    envs = FlippedSwappedAxes(SB3VecEnv(asked.env, 32, n_threads=1, memory="train"))
+    discounts = {"gamma": 1.0, "gae_lambda": 0.95} if "Rehearsal" in asked.env else {"gamma": 0.9, "gae_lambda": 0.9}
     model = PPO(
-        MapPolicy, envs, n_steps=30, batch_size=120, n_epochs=3, gamma=0.9, gae_lambda=0.9, clip_range=0.1,
+        MapPolicy, envs, n_steps=30, batch_size=120, n_epochs=3, clip_range=0.1, **discounts,
         learning_rate=asked.learning_rate, seed=asked.seed, device="cpu", policy_kwargs={"start": start},
     )  # fmt: skip
     memories, seeds = split_memories(asked.judged), range(100, 100 + asked.episodes)
-    found = {"before": judged(model.policy, memories, seeds)}
-    model.learn(asked.timesteps, callback=Auxiliary(simulator, asked.auxiliary, asked.warm_up, asked.seed))
-    found["after"] = judged(model.policy, memories, seeds)
+    if asked.timesteps:
+        model.learn(asked.timesteps, callback=Auxiliary(simulator, asked.auxiliary, asked.warm_up, asked.seed))
+    print(f"trained in {time.process_time() - began:.0f} s of a core", flush=True)
+    found = judged(model.policy, asked.env, memories, seeds)
     envs.close()
-    for when, scores in found.items():
-        for way, score in scores.items():
-            low, high = score.interval
-            print(f"{when}, {way}: {score.mean:.2f} ({low:.2f} to {high:.2f})")
+    for way, score in found.items():
+        low, high = score.interval
+        print(f"{way}: {score.mean:.2f} ({low:.2f} to {high:.2f})")
     if asked.out is not None:
-        values = {when: {way: one.as_json() for way, one in scores.items()} for when, scores in found.items()}
+        values = {way: one.as_json() for way, one in found.items()}
         storage.write_text(asked.out, json.dumps({"settings": {**vars(asked), "truths": None, "out": None}, **values}))
 
 
