@@ -143,19 +143,21 @@ def main() -> None:
     if CHROMIUM is None:
         raise SystemExit("no Chromium; install your distribution's package `chromium`")
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as running:
+        browser = running.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        if "race" in names:
+            race(browser)
+        if names == ["race"]:
+            return
         os.environ["CREATIVE_NAO_CACHE"] = str(Path(folder) / "cache")  # where the server looks, too
         for name in MEMORIES:
             cached_map(load_memory(name), RESOLUTION)
         server = Server(Path(folder), words=["--resolution", str(RESOLUTION)])
         try:
-            browser = running.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
             keep_favourites(browser, server.url)
             for name in names:
                 if name == "film":
                     film(browser, server.url)
-                elif name == "race":
-                    race(browser)
-                else:
+                elif name != "race":
                     save_small(io.BytesIO(PICTURES[name](browser, server.url)), IMAGES / f"explorer_{name}.png")
         finally:
             server.stop()
