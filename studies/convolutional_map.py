@@ -126,24 +126,25 @@ class ConvolutionalMap(AttentiveMap):
 
     def encode(self, points: Tensor, rows: Tensor, performed: Tensor) -> Any:
         """Return what is known as a set, as `AttentiveMap` does, and the levels of features on the grid."""
-        tokens, where, kinds = super().encode(points, rows, performed)
+        known = super().encode(points, rows, performed)
+        tokens, _, _, where, kinds = known
         kernels = self.kernels(squares(self.places.expand(len(where), -1, -1), where))
         here, told = kinds.sum(-1, keepdim=True), self.told(tokens)
         parts = [torch.log(kernel @ kinds + 0.01) for kernel in kernels]
         parts += [(kernel @ (told * here)) / (kernel @ here + 1e-3) for kernel in kernels[:N_SPREAD]]
         channels = torch.cat(parts, -1).transpose(1, 2).unflatten(-1, (self.resolution, self.resolution))
-        return tokens, where, kinds, self.grid(channels)
+        return *known, self.grid(channels)
 
     def decode(self, known: Any, pb: Tensor) -> Tensor:
         """Return what is told of each PB point asked, (b, q, 2) into (b, q, 3 + n_basic)."""
-        tokens, where, kinds, levels = known
+        _, keys_values, empty, where, kinds, levels = known
         far, waves = squares(pb, where), pb @ self.waves
         density = [torch.log(kernel @ kinds + 0.01) for kernel in self.kernels(far)]
         asked = self.embed_point(torch.cat([pb, waves.sin(), waves.cos(), *density], -1))
         asked = asked + self.enter(self.grid.read(levels, pb))
         asked = asked + self.mix(asked)
-        for layer in self.decoder:
-            asked = layer(asked, tokens, far, kinds.sum(-1) > 0.0)
+        for layer, told in zip(self.decoder, keys_values, strict=True):
+            asked = layer(asked, told, far, empty)
         return self.head(asked)
 
     @staticmethod

@@ -37,15 +37,21 @@ class _Attention(nn.Module):
         self.feed_forward = nn.Sequential(nn.Linear(width, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
         self.log_decay = nn.Parameter(torch.linspace(-1.0, 5.0, n_heads))
 
-    def forward(self, points: Tensor, tries: Tensor, squares: Tensor, mask: Tensor) -> Tensor:
-        """Return the points (b, q, width) after reading tries (b, n, width) where `mask` (b, n)."""
+    def told(self, tries: Tensor) -> tuple[Tensor, ...]:
+        """Return keys and values of tries (b, n, width), (b, n_heads, n, width / n_heads) each."""
+        key_value = self.key_value(self.norm_tries(tries)).unflatten(-1, (2, self.n_heads, -1))
+        return key_value.permute(2, 0, 3, 1, 4).unbind()
+
+    def forward(self, points: Tensor, told: tuple[Tensor, ...], squares: Tensor, left_out: Tensor | None) -> Tensor:
+        """Return the points (b, q, width) after reading what is `told` of tries, but those `left_out` (b, n)."""
         b, q, width = points.shape
         query = self.query(self.norm_query(points)).view(b, q, self.n_heads, -1).transpose(1, 2)
-        key_value = self.key_value(self.norm_tries(tries)).view(b, -1, 2, self.n_heads, width // self.n_heads)
-        key, value = key_value.permute(2, 0, 3, 1, 4)
+        key, value = told
         decay = squares[:, None] * self.log_decay.exp()[None, :, None, None]
         weight = query @ key.transpose(-1, -2) / query.shape[-1] ** 0.5 - decay
-        weight = weight.masked_fill(~mask[:, None, None, :], -1e9).softmax(-1)
+        if left_out is not None:
+            weight = weight.masked_fill(left_out[:, None, None, :], -1e9)
+        weight = weight.softmax(-1)
         points = points + self.dropout(self.out((weight @ value).transpose(1, 2).reshape(b, q, width)))
         return points + self.dropout(self.feed_forward(self.norm(points)))
 
@@ -112,10 +118,12 @@ class AttentiveMap(nn.Module):
     def _embedding(n_values: int, width: int) -> nn.Module:
         return nn.Sequential(nn.Linear(n_values, width), nn.GELU(), nn.Linear(width, width))
 
-    def encode(self, points: Tensor, rows: Tensor, performed: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return what is known as a set: its tokens (b, n, width), where they lie, and how much of each kind they are.
+    def encode(self, points: Tensor, rows: Tensor, performed: Tensor) -> tuple[Any, ...]:
+        """Return what is known as a set.
 
-        The four kinds, (b, n, 4): learned points, tries performed and imagined that can be used, those that cannot.
+        Its tokens (b, n, width), keys and values for each layer of the decoder, which tokens are empty (None: none is),
+        where they lie, and how much of each of four kinds they are, (b, n, 4): learned points, tries performed and
+        imagined that can be used, those that cannot.
 
         Args:
             points: Learned PB points, (b, n_basic, n_pb).
@@ -138,18 +146,21 @@ class AttentiveMap(nn.Module):
         kinds = torch.cat([kinds.new_tensor([1.0, 0.0, 0.0, 0.0]).expand(b, n_basic, 4), kinds], 1)
         told = torch.cat([taught, tries], 1)
         tokens, where = self.embed_try(told), told[..., :n_pb]
+        empty = kinds.sum(-1) == 0.0
+        left_out, gaps = empty if empty.any() else None, squares(where, where)
         for layer in self.encoder:
-            tokens = layer(tokens, tokens, squares(where, where), kinds.sum(-1) > 0.0)
-        return tokens, where, kinds
+            tokens = layer(tokens, layer.told(tokens), gaps, left_out)
+        return tokens, [layer.told(tokens) for layer in self.decoder], left_out, where, kinds
 
-    def decode(self, known: tuple[Tensor, Tensor, Tensor], pb: Tensor) -> Tensor:
+    def decode(self, known: tuple[Any, ...], pb: Tensor) -> Tensor:
         """Return what is told of each PB point asked, (b, q, n_pb) into (b, q, 3 + n_basic)."""
-        tokens, where, kinds = known
+        _, told, left_out, where, kinds = known
         far, waves = squares(pb, where), pb @ self.waves
-        density = [torch.log(torch.exp(far / (-2.0 * scale**2)) @ kinds + 0.01) for scale in SCALES]
-        asked = self.embed_point(torch.cat([pb, waves.sin(), waves.cos(), *density], -1))
-        for layer in self.decoder:
-            asked = layer(asked, tokens, far, kinds.sum(-1) > 0.0)
+        spans = far.new_tensor([-2.0 * scale**2 for scale in SCALES])[:, None, None]
+        density = torch.log(torch.exp(far[:, None] / spans) @ kinds[:, None] + 0.01).transpose(1, 2).flatten(2)
+        asked = self.embed_point(torch.cat([pb, waves.sin(), waves.cos(), density], -1))
+        for layer, keys_values in zip(self.decoder, told, strict=True):
+            asked = layer(asked, keys_values, far, left_out)
         return self.head(asked)
 
     def forward(self, points: Tensor, rows: Tensor, performed: Tensor, pb: Tensor) -> Tensor:
