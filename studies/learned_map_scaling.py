@@ -189,7 +189,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> Path:
                 axis.annotate(row["agent"], (sizes[-1], row["mean"]), ha="right", va="bottom", color=INK)
         axis.set(xscale="log", xticks=sizes, xticklabels=[str(size) for size in sizes])
         axis.minorticks_off()
-        axis.set(xlabel="memories trained on", ylabel="reward of an episode", title="More memories, better explorers")
+        axis.set(xlabel="memories trained on", ylabel="reward of an episode", title="What more memories are worth")
         axis.legend(loc="upper left")
         return save(drawn, path)
 
