@@ -101,7 +101,7 @@ class Context:
         Nothing is performed and nothing joins the repertoire; each movement counts.
 
         Args:
-            pb: Shape (n, n_pb), or (n_pb,) for one, inside the action space.
+            pb: Shape (n, n_pb), or (n_pb,) for one; where movements take several decisions also (n, n_decisions, n_pb).
             with_body: Imagine the robot performing it too, where the environment performs movements in physics.
 
         Returns:
@@ -113,7 +113,8 @@ class Context:
             SettingsError: If the environment cannot imagine.
         """
         points = np.atleast_2d(np.asarray(pb, np.float32))
-        if points.ndim != 2 or not all(self.action_space.contains(point) for point in points):
+        form, vectors = points.shape[1:-1], points.reshape(-1, points.shape[-1])
+        if form not in ((), (self.n_decisions,)) or not all(self.action_space.contains(one) for one in vectors):
             raise ShapeError(f"`pb` should be PB vectors inside {self.action_space}, but is {shown(points.tolist())}")
         found = (self.imagination or Imagination(None, 0)).imagine(points, with_body)
         return [Info(self.track.visible({**info, "imagined": True})) for info in found]

@@ -209,8 +209,8 @@ def _imaginer(env: gym.Env) -> Callable[[np.ndarray, bool], list[dict[str, Any]]
                 twins[0].set_state(state)
                 info: dict[str, Any] = {}
                 reward: Any = 0.0
-                while "outcome" not in info:  # where a movement takes several decisions, the PB is held
-                    _, reward, _, _, info = twins[0].step(point)
+                for one in np.broadcast_to(point, (getattr(inner, "n_decisions", 1), pb.shape[-1])):
+                    _, reward, _, _, info = twins[0].step(one)
                 found.append({**info, "reward": float(reward)})
             return found
         terms = inner.imagine(pb)

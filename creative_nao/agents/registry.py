@@ -39,6 +39,7 @@ UNTRAINED: dict[str, Callable[[], Agent]] = {
         surrogate.SurrogateAgent,
         rehearsal.ImagineAgent,
         rehearsal.PlanAgent,
+        rehearsal.PlanModulatedAgent,
         rehearsal.PlanWithSenseAgent,
         rehearsal.PlanWithBodyAgent,
         rehearsal.ImagineWithBodyAgent,

@@ -8,11 +8,13 @@ from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
+from gymnasium.spaces import Box
 
 from creative_nao.agents.base import Agent, Context, MovementAgent, check_kind
 from creative_nao.agents.black_box import RandomAgent, sobol_points, uniform_points
 from creative_nao.agents.body_sense import shipped_sense
 from creative_nao.envs import Track
+from creative_nao.envs.rollout import held_in_turn
 from creative_nao.errors import SettingsError
 from creative_nao.measures import dtw_matrix
 from creative_nao.measures.outcome import PHYSICAL_FAULTS
@@ -128,9 +130,12 @@ class PlanningAgent(MovementAgent[S]):
     `first_share`, the part of the budget that is imagined before the first movement, evenly spread (Sobol); the rest is
     imagined in equal parts before each movement.
     Where the robot performs in physics, `body` tells how the agent heeds what the body may refuse.
+    Where a movement takes several decisions, it may be of `n_segments` PB vectors, held in turn
+    (`envs.rollout.held_in_turn`); a point is then all of them, n_segments * n_pb values.
     """
 
     body: BodySettings = BodySettings()
+    n_segments: int = 1
 
     learns_within_episode: ClassVar[bool] = True
     imagines: ClassVar[bool] = True
@@ -140,6 +145,9 @@ class PlanningAgent(MovementAgent[S]):
         """Imagine the first share."""
         super().start(context)
         settings: Any = self.settings
+        if self.n_segments > context.n_decisions:
+            told = f"{self.n_segments} PB vectors, but here a movement takes {context.n_decisions} decisions"
+            raise SettingsError(f"agent `{self.name}` holds in turn {told}; CreativeNao/BoxingModulation-v0 takes 10")
         self._known = list(context.demonstrations.trajectories)
         self._n_left = context.n_actions // context.n_decisions
         use = self.body.use if context.physics else "none"
@@ -151,9 +159,20 @@ class PlanningAgent(MovementAgent[S]):
         self._pool: list[np.ndarray] = []
         self._distances = self._accepted = np.empty(0)
         n_first = round(settings.first_share * context.n_imagined_left)
-        self._spread = iter(sobol_points(context, max(n_first, self._n_left)))
+        space, n = context.action_space, self.n_segments
+        self._points_of = replace(context, action_space=Box(np.tile(space.low, n), np.tile(space.high, n)))
+        self._spread = iter(sobol_points(self._points_of, max(n_first, self._n_left)))
         if n_first:
             self.imagine(np.array([next(self._spread) for _ in range(n_first)]))
+
+    def choose(self, observation: np.ndarray) -> np.ndarray:
+        """Return the PB vector of the movement, or of this decision in it, shape (n_pb,)."""
+        held = super().choose(observation)
+        return held if self.n_segments == 1 else self.path(held[None])[0, self._n_asked % self.context.n_decisions]
+
+    def path(self, points: np.ndarray) -> np.ndarray:
+        """Return points (n, n_segments * n_pb) as `Context.imagine` takes them."""
+        return points if self.n_segments == 1 else held_in_turn(points, self.n_segments, self.context.n_decisions)
 
     def accepted(self, moves: Sequence[np.ndarray]) -> np.ndarray:
         """Return how likely the body accepts movements (n, n_steps, n_joints), (n,); 1 where it takes no part."""
@@ -170,7 +189,7 @@ class PlanningAgent(MovementAgent[S]):
 
     def imagine(self, points: np.ndarray) -> None:
         """Imagine movements, shape (n, n_pb), and keep those that are appropriate."""
-        found = [*zip(points, self.context.imagine(points), strict=True)]
+        found = [*zip(points, self.context.imagine(self.path(points)), strict=True)]
         for pb, info in found:
             self.learn_imagined(pb, info)
         kept = [(pb, info["trajectory"]) for pb, info in found if info["appropriate"]]
@@ -200,7 +219,7 @@ class PlanningAgent(MovementAgent[S]):
                 break
             self._distances[place] = -np.inf  # performed once, or refused
             pb = self._pool_pb[place]
-            if not n_left or self.context.imagine(pb, with_body=True)[0]["appropriate"]:
+            if not n_left or self.context.imagine(self.path(pb[None]), with_body=True)[0]["appropriate"]:
                 self._is_imagined = True
                 return pb
             self.refuse(self._pool[place])
@@ -213,6 +232,7 @@ class PlanningAgent(MovementAgent[S]):
 
     def learn(self, pb: np.ndarray, observation: np.ndarray, reward: float, info: Mapping[str, Any]) -> None:
         """Take in a movement that has ended: an appropriate one is known from now on."""
+        pb = pb if self.n_segments == 1 or self._held is None else self._held
         super().learn(pb, observation, reward, info)
         if self._held is not None:
             return
@@ -228,7 +248,7 @@ class PlanningAgent(MovementAgent[S]):
 
     def around_best(self, n: int, sigma: float) -> np.ndarray:
         """Draw points normally distributed around the movement kept that is worth most, shape (n, n_pb)."""
-        space = self.context.action_space
+        space = self._points_of.action_space
         best = self._pool_pb[int((self._distances * self._accepted).argmax())]
         return np.clip(best + self.context.rng.normal(0.0, sigma, (n, *space.shape)), space.low, space.high)
 
@@ -265,7 +285,14 @@ class PlanAgent(PlanningAgent[PlanSettings]):
 
     def where(self, n: int) -> np.ndarray:
         """Draw points around the best movement imagined and not yet performed, shape (n, n_pb)."""
-        return self.around_best(n, self.settings.sigma) if self._pool else uniform_points(self.context, n)
+        return self.around_best(n, self.settings.sigma) if self._pool else uniform_points(self._points_of, n)
+
+
+class PlanModulatedAgent(PlanAgent):
+    """Plans movements of five PB vectors, held in turn; it needs an environment in which the PB may change."""
+
+    name: ClassVar[str] = "plan_modulated"
+    n_segments = 5
 
 
 class PlanWithSenseAgent(PlanAgent):

@@ -117,7 +117,7 @@ Widths = Annotated[tuple[Annotated[int, Field(ge=1, le=4096)], ...], Field(max_l
 _LARGEST = {
     "n_critics": 10, "n_quantiles": 1_000, "lstm_hidden_size": 2048, "n_lstm_layers": 8, "renorm_warmup_steps": 10**9,
     "width": 512, "n_layers": 16, "resolution": 64, "n_heads": 64,
-    "n_asked": 9999, "n_refined": 9999, "n_expected": 9999,
+    "n_asked": 9999, "n_refined": 9999, "n_expected": 9999, "n_segments": 10,
 }  # fmt: skip
 _LARGEST_SIZE = {"log_std_init": 20.0, "clip_mean": 1e6}
 _LARGEST_SIZE |= dict.fromkeys(("batch_norm_momentum", "batch_norm_eps", "dropout", "first_share"), 1.0)

@@ -155,8 +155,9 @@ def _train_map(
     from creative_nao.agents.learned_map.training import train_map
     from creative_nao.agents.learned_map.truth import bank_truths, read_truths
 
-    cache = settings.out / "truths"
-    truths, judged = (bank_truths(memories_of(name), cache) for name in (plan.memory, plan.judged_memory))
+    cache, n_segments = settings.out / "truths", int(plan.hyperparameters.policy_kwargs.get("n_segments", 1))
+    parts = plan.memory, plan.judged_memory
+    truths, judged = (bank_truths(memories_of(name), cache, n_segments) for name in parts)
     truths += [] if settings.memories is None else read_truths(settings.memories)
     judged += [] if settings.validation_memories is None else read_truths(settings.validation_memories)
     policy, record = train_map(plan, truths, judged, **options)

@@ -42,6 +42,8 @@ class AgentMemoriesSettings:
     """PB units."""
     n_points: int = N_POINTS
     """PB points scored in each: with two PB units a square grid, else a Sobol sequence."""
+    n_segments: int = 1
+    """PB vectors of a movement scored, held in turn: 5 for a map of CreativeNao/BoxingModulation-v1."""
     n_workers: int | None = None
     """Memories made at the same time, without influence on the results; default: the number of cores."""
     resume: bool = False
@@ -54,6 +56,7 @@ def run(settings: AgentMemoriesSettings) -> int:
     """Train and score, print how many memories there are."""
     checked(Count, settings.n_memories, "--n-memories")
     checked(Annotated[int, Field(ge=4, le=10_000)], settings.n_points, "--n-points")
+    checked(Annotated[int, Field(ge=1, le=10)], settings.n_segments, "--n-segments")
     n_workers = usable_cores() if settings.n_workers is None else checked(Count, settings.n_workers, "--n-workers")
     if checked(Index, settings.seed, "--seed") < FIRST_SEED:
         raise SettingsError(f"--seed should be at least {FIRST_SEED}, after the bank's, but is {settings.seed}")
@@ -89,7 +92,7 @@ def _make(training: TrainingSettings, settings: AgentMemoriesSettings, stop: thr
     """Make one memory and its truth, whatever of them is missing; return whether the training succeeded."""
     if stop.is_set():
         raise KeyboardInterrupt
-    flags = changed_flags(settings, ("n_memories", "seed", "n_epochs", "n_pb", "n_points"))
+    flags = changed_flags(settings, ("n_memories", "seed", "n_epochs", "n_pb", "n_points", "n_segments"))
     (trained,) = train_many(
         load_demonstrations(), [training], NetworkSettings(n_pb=settings.n_pb), out=lambda one: _path(one, settings),
         resume=settings.resume, stop=stop, n_workers=1,
@@ -97,5 +100,5 @@ def _make(training: TrainingSettings, settings: AgentMemoriesSettings, stop: thr
     )  # fmt: skip
     if trained.memory is not None:
         name = file_stem(training)
-        kept_truth(trained.memory, truth_file(settings.out, name), name, settings.n_points)
+        kept_truth(trained.memory, truth_file(settings.out, name), name, settings.n_points, settings.n_segments)
     return trained.memory is not None

@@ -248,20 +248,25 @@ def cells_of(space: Box, n_pb: int) -> slice:
     return cells
 
 
-def tries_of(space: Any) -> tuple[Parts, Parts]:
+def tries_of(space: Any, n_pb: int = 0) -> tuple[Parts, Parts]:
     """Return layout and columns of observations that tell every try, a PB vector each.
 
-    They follow from the bounds of the space, as `cells_of` says. A space of other observations, or of fewer than two
-    tries, raises SettingsError.
+    They follow from the bounds of the space, as `cells_of` says. With `n_pb`, the PB units, they may tell several PB
+    vectors of a try; `slow` then counts as `posture`. A space of other observations, or of fewer than two tries, raises
+    SettingsError.
     """
     if isinstance(space, Box) and len(space.shape) == 1:
         ends = np.flatnonzero(np.diff(space.low < 0.0, prepend=False, append=False)).reshape(-1, 2).tolist()
         n_told = ends.pop(0)[1] if ends and ends[0][0] == 0 else 0  # numbers of the learned PB points
-        n_pb = ends[0][1] - ends[0][0] if len(ends) > 1 else 0
+        n_values = ends[0][1] - ends[0][0] if len(ends) > 1 else 0
+        n_pb = n_pb or n_values
+        n_decisions = n_values // n_pb if n_pb else 1
+        n_senses = -int(np.subtract(*ends.pop())) - n_values if n_decisions > 1 else 0
         told = itertools.product((Track.TRAJECTORIES, Track.POINTS) if n_told else (Track.OUTCOMES,), (False, True))
         for track, rehearsal in told if n_pb else ():
             sizes: Any = {"n_actions": n_told // n_pb, "n_pb": n_pb, "track": track, "rehearsal": rehearsal}
-            parts, columns = layout(n_rows=len(ends), **sizes), try_columns(**sizes)
+            sizes["n_decisions"] = n_decisions
+            parts, columns = layout(n_rows=len(ends), n_joints=n_senses, **sizes), try_columns(**sizes)
             if observation_space(parts, columns) == space:
                 return parts, columns
     raise SettingsError(

@@ -20,6 +20,15 @@ DECISION_TICKS = 5
 """Ticks from one decision about the PB to the next."""
 
 
+def held_in_turn(points: np.ndarray, n_segments: int, n_decisions: int) -> np.ndarray:
+    """Return the PB vectors of all decisions, (n, n_decisions, n_pb), of movements of a few PB vectors each.
+
+    `points` (n, n_segments * n_pb) are these, one after the other; each is held for an equal share of the decisions.
+    """
+    segments = points.reshape(len(points), n_segments, points.shape[1] // n_segments)
+    return segments[:, np.arange(n_decisions) * n_segments // n_decisions]
+
+
 class RolloutBatch:
     """The movements under way of one or many environments, one each.
 

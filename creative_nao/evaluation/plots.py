@@ -28,7 +28,7 @@ AGENTS = {
     "recurrent_ppo": ("#B7007D", "<"), "lattice": ("#4A2BFF", "P"), "spread": ("#C677FF", "<"),
     "spread_points": ("#76749D", ">"), "surrogate": ("#A800BE", "o"), "plan": ("#000098", "^"),
     "imagine": ("#565900", "X"), "imagine_with_body": ("#AD56D6", "s"), "plan_with_sense": ("#86B2FF", "h"),
-    "plan_with_body": ("#4452A2", "o"), "learned_map": ("#C2003A", "*"),
+    "plan_with_body": ("#4452A2", "o"), "plan_modulated": ("#93BC8F", "h"), "learned_map": ("#C2003A", "*"),
 }  # fmt: skip
 """Colour and shape of an agent: those of one published run differ in both, with every kind of colour vision."""
 OTHERS = ("#CC6677", "#44AA99", "#332288", "#999933", "#AA4499", "#661100")

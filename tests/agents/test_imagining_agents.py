@@ -15,6 +15,7 @@ from creative_nao.agents.registry import UNTRAINED, split_name
 from creative_nao.envs import Track
 from creative_nao.errors import SettingsError
 
+MODULATED = "CreativeNao/BoxingModulation-v0"
 MENTAL, LATER = "CreativeNao/BoxingMental-v0", "CreativeNao/BoxingMental-v1"
 N_ACTIONS = 6
 
@@ -125,7 +126,9 @@ def test_one_seed_one_imagining_episode(name):
 
 @pytest.mark.parametrize("name", sorted(set(UNTRAINED) - {"bayesian", "cma_me", "map_elites", "novelty_search"}))
 def test_at_k_1_nothing_is_imagined(name):
-    steps = play(make_agent(f"{name}@1") if name not in ("imagine_with_body", "oracle") else make_agent("random@1"))
+    env_id = MODULATED if name == "plan_modulated" else MENTAL
+    agent = make_agent(f"{name}@1" if name not in ("imagine_with_body", "oracle") else "random@1")
+    steps = play(agent, env_id)
     assert steps[-1].n_imagined == 0
     assert total(steps) > 0.0
 
@@ -178,3 +181,23 @@ def test_the_lattice_has_room_for_the_budget_with_sides_that_differ_by_one(n_poi
     assert found == sides or (n_axes == 8 and np.prod(found) >= n_points)
     assert np.prod(found) >= n_points
     assert max(found) - min(found) <= 1
+
+
+def test_a_movement_of_five_pb_vectors_is_imagined_as_it_is_performed():
+    """Each is held for two of ten decisions, and the movement performed is the one imagined, to the bit."""
+    agent, imagined = make_agent("plan_modulated@4"), []
+    keep = agent.learn_imagined
+    agent.learn_imagined = lambda pb, info: (imagined.append((pb, info)), keep(pb, info))
+    steps = play(agent, MODULATED, n_actions=3)
+    chosen = np.array([step.pb for step in steps]).reshape(3, 10, 2)
+    assert np.array_equal(chosen[:, ::2], chosen[:, 1::2])
+    assert len(np.unique(chosen[0], axis=0)) == 5
+    assert steps[-1].n_imagined == 12
+    found = {np.asarray(pb, np.float32).tobytes(): info for pb, info in imagined}
+    for path, step in zip(chosen[:, ::2].astype(np.float32), steps[9::10], strict=True):
+        assert np.array_equal(found[path.tobytes()]["trajectory"], step.info["trajectory"])
+
+
+def test_several_pb_vectors_need_an_environment_that_takes_them():
+    with pytest.raises(SettingsError, match="5 PB vectors, but here a movement takes 1 decisions"):
+        play(make_agent("plan_modulated"))

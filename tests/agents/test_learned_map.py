@@ -6,11 +6,19 @@ import threading
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
 
-from creative_nao.agents import BundleHeader, load_agent, make_agent, save_bundle
+from creative_nao.agents import BundleHeader, TrainedPolicy, load_agent, make_agent, save_bundle
 from creative_nao.agents.learned_map.agent import LOCAL_SIGMA, LearnedMapAgent, LearnedMapSettings, refined
 from creative_nao.agents.learned_map.episodes import SimulatedEpisode, random_warp
-from creative_nao.agents.learned_map.training import Simulator, SupervisedMap, judge, learning_rate, train_map
+from creative_nao.agents.learned_map.training import (
+    Simulator,
+    SupervisedMap,
+    judge,
+    learning_rate,
+    train_map,
+    untrained_map,
+)
 from creative_nao.agents.learned_map.truth import (
     KIND,
     MemoryTruth,
@@ -30,7 +38,7 @@ from creative_nao.errors import FileFormatError, NotFoundError, SettingsError, S
 from creative_nao.measures import dtw, reward_scale
 from creative_nao.model import load_memory
 
-ENV = "CreativeNao/BoxingMental-v1"
+ENV, MODULATED = "CreativeNao/BoxingMental-v1", "CreativeNao/BoxingModulation-v1"
 NET = {"width": 8, "n_heads": 2, "n_layers": 1, "n_asked": 36, "n_refined": 16}
 OWN = {"own_interval": 1, "own_size": 2, "imagined_share": 0.5, "swapped_actions": [1, 0, 3, 2, 5, 4]}
 ENTRY = {"n_timesteps": 12, "batch_size": 4, "n_queries": 8, **OWN, "policy_kwargs": NET}
@@ -227,6 +235,41 @@ def test_a_bundle_predicts_from_the_observation_alone(trained, bundle):
     assert agent.track == "trajectories"
     with pytest.raises(ShapeError, match="`observation` should end in"):
         agent.predict(seen[:, 1:])
+
+
+def test_movements_of_several_pb_vectors_are_predicted_and_played():
+    """Each PB vector is held for two decisions of ten; what the network is told is the same for agent and policy."""
+    truth = memory_truth(load_memory("half/0"), n_points=16, n_segments=5)
+    chosen = check_entry("learned_map", {**ENTRY, "policy_kwargs": {**NET, "n_segments": 5}}, "test")
+    of_modulation = dataclasses.replace(plan(), hyperparameters=chosen, env=MODULATED, judged_env=MODULATED)
+    with pytest.raises(SettingsError, match="`n_segments` of the policy is 1, but 5"):
+        untrained_map(truth, plan().hyperparameters, SupervisedMap(), of_modulation)
+    policy = untrained_map(truth, chosen, SupervisedMap(), of_modulation)
+    policy.set_training_mode(False)
+    header = BundleHeader("learned_map", chosen, MODULATED, "train", 0, 16, policy.observation_space, Box(-1, 1, (2,)))
+    agent, told, env = (
+        LearnedMapAgent(TrainedPolicy(header, policy)),
+        [],
+        Watched(gym.make(MODULATED, memory="half/10")),
+    )
+    played = play_episode(agent, env, seed=0, rng=np.random.default_rng(0))
+    steps = [next(played) for _ in range(30)]
+    played.close()
+    expect = policy.expect
+    policy.expect = lambda points, rows, performed: told.append(rows) or expect(points, rows, performed)
+    assert env.action_space.contains(policy.predict(env.seen)[0])
+    np.testing.assert_allclose(told[0], agent.rows()[0], rtol=1e-6)
+    assert [len(told[0]), sum("outcome" in step.info for step in steps)] == [3, 3]
+    seen, _ = env.reset(seed=0)
+    taken = []
+    for _ in range(10):
+        taken.append(policy.predict(seen)[0])
+        assert np.array_equal(policy.predict(seen[None])[0][0], taken[-1])
+        seen = env.step(taken[-1])[0]
+    assert np.array_equal(taken[::2], taken[1::2])
+    assert len(np.unique(taken, axis=0)) == 5
+    assert len(told) == 2 * 5 + 1
+    env.close()
 
 
 def test_drawn_actions_follow_the_generator_of_torch(bundle):

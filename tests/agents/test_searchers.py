@@ -31,7 +31,7 @@ from creative_nao.errors import MissingDependencyError, SettingsError
 from creative_nao.evaluation.suites import check_agent
 
 SEARCHES = ("cma_es", "cma_me", "map_elites", "novelty_search", "bayesian")
-IMAGINING = ("imagine", "imagine_with_body", "plan", "plan_with_body", "plan_with_sense", "surrogate")
+IMAGINING = ("imagine", "imagine_with_body", "plan", "plan_modulated", "plan_with_body", "plan_with_sense", "surrogate")
 DRAWING = tuple(name for name in UNTRAINED if name not in ("oracle", *IMAGINING))
 
 

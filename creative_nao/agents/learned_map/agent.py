@@ -43,7 +43,9 @@ class LearnedMapSettings:
     around the best movement imagined and not yet performed."""
 
 
-def refined(ask: Ask, candidates: np.ndarray, n_refined: int, best: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def refined(
+    ask: Ask, candidates: np.ndarray, n_refined: int, best: float = 0.0, n_segments: int = 1
+) -> tuple[np.ndarray, np.ndarray]:
     """Return candidates (n, n_pb), more points around the best of them, and the value of all.
 
     The value is the expected reward; with `best` above 0 it is what is expected beyond it, of a normal distribution.
@@ -61,14 +63,17 @@ def refined(ask: Ask, candidates: np.ndarray, n_refined: int, best: float = 0.0)
     values, n_pb = value(candidates), candidates.shape[1]
     if not n_refined:
         return candidates, values
-    gap = cell(len(candidates), n_pb) * spread_points(n_pb, n_refined)
+    gap = cell(len(candidates), n_pb, n_segments) * spread_points(n_pb, n_refined)
     around = np.clip(candidates[values.argmax()] + gap, -1.0, 1.0).astype(np.float32)
     return np.concatenate([candidates, around]), np.concatenate([values, value(around)])
 
 
-def cell(n_points: int, n_pb: int) -> float:
-    """Return the distance of neighbours among points spread over the PB space."""
-    return 2.0 / (n_points ** (1.0 / n_pb) - 1.0)
+def cell(n_points: int, n_pb: int, n_segments: int = 1) -> float:
+    """Return the distance of neighbours among points spread over the PB space; 0.4 where a point is several PB vectors.
+
+    In so many dimensions it would exceed the space: 0.4 earned 17.2 on validation memories where it earned 15.4.
+    """
+    return 0.4 if n_segments > 1 else 2.0 / (n_points ** (1.0 / n_pb) - 1.0)
 
 
 class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
@@ -92,6 +97,7 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
     def __init__(self, trained: TrainedPolicy, settings: LearnedMapSettings | None = None):
         self.trained, self._map = trained, trained.policy
         super().__init__(self._map.settings if settings is None else settings)
+        self.n_segments = self._map.n_segments
         self.n_actions_training = trained.header.n_actions_training
 
     def start(self, context: Context) -> None:
@@ -102,6 +108,7 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
             raise SettingsError(
                 f"agent `{self.name}` was trained with {told} {form}, but these are {self._points.shape}"
             )
+        self._points = np.tile(self._points, (1, self.n_segments))
         self._unit = reward_scale(context.demonstrations)
         self._columns = {part.name: part for part in try_columns(*self._points.shape)}
         self._candidates = spread_points(self._points.shape[1], self.settings.n_asked)
@@ -127,11 +134,11 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
         n_pb, rng = self._points.shape[1], self.context.rng
         n_local = 0 if self.best() is None else max(n - self.settings.n_expected, 0)
         spread = self._candidates if n <= len(self._candidates) else spread_points(n_pb, 2 * n)
-        shift = cell(len(spread), n_pb) * rng.uniform(-0.5, 0.5, spread.shape)
+        shift = cell(len(spread), n_pb, self.n_segments if n == 1 else 1) * rng.uniform(-0.5, 0.5, spread.shape)
         best = 0.0 if (place := self.best()) is None else float(self._distances[place]) / self._unit
         candidates = np.clip(spread + shift, -1.0, 1.0).astype(np.float32)
         n_refined = self.settings.n_refined if n == 1 else 0  # else all would lie around the best
-        pb, values = refined(self._map.expect(self._points, *self.rows()), candidates, n_refined, best)
+        pb, values = refined(self._map.expect(self._points, *self.rows()), candidates, n_refined, best, self.n_segments)
         chosen = pb[np.argsort(-values, kind="stable")[: n - n_local]].astype(np.float64)
         return np.concatenate([chosen, self.around_best(n_local, LOCAL_SIGMA)]) if n_local else chosen
 
@@ -161,6 +168,7 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
 
     def learn(self, pb: np.ndarray, observation: np.ndarray, reward: float, info: Mapping[str, Any]) -> None:
         """Keep what was performed, where it has ended."""
+        pb = pb if self.n_segments == 1 or self._held is None else self._held
         super().learn(pb, observation, reward, info)
         if self._held is None:
             self._imagined.pop(_key(pb), None)

@@ -30,7 +30,8 @@ def random_warp(n_pb: int, rng: np.random.Generator, strength: float = 0.0) -> W
     """Draw a smooth map of the PB space onto itself: axes flipped and swapped, then waves that vanish at the border.
 
     Point x moves along axis k by sum_i g_ki sin(i u_k) + sum_ij a_kij sin(i u_k) sin(j u_k+1), u = (x + 1) pi / 2, with
-    g and a normal of standard deviation `strength` / i and `strength` / (i j).
+    g and a normal of standard deviation `strength` / i and `strength` / (i j). Points of several PB vectors, one after
+    the other, are mapped vector by vector.
     """
     turn = (np.eye(n_pb) * rng.choice([-1.0, 1.0], n_pb))[rng.permutation(n_pb)]
     modes = np.arange(1, N_MODES + 1)
@@ -38,11 +39,11 @@ def random_warp(n_pb: int, rng: np.random.Generator, strength: float = 0.0) -> W
     both = rng.normal(0.0, 1.0, (n_pb, N_MODES, N_MODES)) * strength / (modes[:, None] * modes)
 
     def warp(pb: np.ndarray) -> np.ndarray:
-        turned = pb @ turn.T
+        turned = pb.reshape(-1, n_pb) @ turn.T
         waves = np.sin((turned[..., None] + 1.0) * (np.pi / 2.0) * modes)
         moved = np.einsum("...ki,ki->...k", waves, own)
         moved += np.einsum("...ki,kij,...kj->...k", waves, both, np.roll(waves, -1, axis=-2))
-        return np.clip(turned + moved, -1.0, 1.0).astype(np.float32)
+        return np.clip(turned + moved, -1.0, 1.0).astype(np.float32).reshape(pb.shape)
 
     return warp
 

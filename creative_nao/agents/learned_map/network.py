@@ -71,6 +71,8 @@ class AttentiveMap(nn.Module):
         n_layers: Layers in which tries read each other, and as many in which points read them.
         dropout: Share of units left out in training.
         n_asked, n_refined, first_share, n_expected: As of `LearnedMapSettings`.
+        n_segments: PB vectors of a movement, each held for an equal part of it; where there are several, a point is all
+            of them and the environment one in which the PB may change during a movement.
     """
 
     waves: Tensor
@@ -90,22 +92,26 @@ class AttentiveMap(nn.Module):
         n_refined: int = 64,
         first_share: float = 0.0,
         n_expected: int = 9_999,
+        n_segments: int = 1,
     ) -> None:
         super().__init__()
         self.settings = LearnedMapSettings(n_asked, n_refined, first_share, n_expected)
         self.observation_space, self.action_space = observation_space, action_space
-        n_pb = action_space.shape[0]
-        self.parts, self.columns = tries_of(observation_space)
+        n_pb, self.n_segments = action_space.shape[0], n_segments
+        self.parts, self.columns = tries_of(observation_space, n_pb)
         self.n_basic = n_basic = self.columns[-1].size
-        if self.columns[-1].name != "distances" or self.columns[1].size != n_pb:
+        self.n_decisions = self.columns[1].size // n_pb
+        self.begins = [-(-segment * self.n_decisions // n_segments) for segment in range(n_segments)]
+        if self.columns[-1].name != "distances" or self.n_decisions < n_segments:
             raise SettingsError(
                 f"`observation_space` should tell tries of {n_pb} PB units and their distances to the basic actions, "
                 f"as -v1 does, but tells {', '.join(column.name for column in self.columns)}"
             )
         if width % n_heads:
             raise SettingsError(f"`n_heads` should divide `width` {width}, but is {n_heads}")
+        n_pb *= n_segments
         self.candidates = spread_points(n_pb, n_asked).astype(np.float32)
-        n_told = self.columns[-1].stop - 1  # of a row, all but whether there is one
+        n_told = n_pb + self.columns[-1].stop - self.columns[1].stop  # of a row, all but whether there is one
         self.embed_try = self._embedding(n_told + 3 + n_basic, width)
         self.embed_point = self._embedding(n_pb + 2 * N_WAVES + 4 * len(SCALES), width)
         self.encoder = nn.ModuleList(_Attention(width, n_heads, dropout) for _ in range(n_layers))
@@ -192,17 +198,36 @@ class AttentiveMap(nn.Module):
         if batch.shape[-1:] != self.observation_space.shape or batch.ndim > 2:
             raise ShapeError(f"`observation` should end in {self.observation_space.shape}, but has {batch.shape}")
         told = split(np.atleast_2d(batch), self.parts, self.columns)
-        chosen = []
-        for points, rows in zip(told["points"], told["tries"], strict=True):  # one by one: the same bits in any batch
-            rows = rows[rows[:, 0] > 0.0]
-            ask = self.expect(points.reshape(self.n_basic, -1), rows, np.ones(len(rows)))
-            pb, value = refined(ask, self.candidates, self.settings.n_refined)
-            value[(pb[:, None] == rows[:, 1 : 1 + pb.shape[1]]).all(-1).any(-1)] = -np.inf  # tried before
-            place = value.argmax()
-            if not deterministic:
-                place = int(torch.multinomial((torch.from_numpy(value) / DRAWN_AT).softmax(0), 1))
-            chosen.append(pb[place])
+        nothing = np.zeros((len(told["tries"]), *self.action_space.shape), np.float32)
+        parts = told["points"], told["tries"], told.get("path", nothing), told.get("phase", nothing)
+        # One by one: the same bits in any batch.
+        chosen = [self._choose(*one, deterministic) for one in zip(*parts, strict=True)]
         return (np.stack(chosen) if batch.ndim == 2 else chosen[0]), state
+
+    def _choose(
+        self, points: np.ndarray, rows: np.ndarray, path: np.ndarray, phase: np.ndarray, deterministic: bool
+    ) -> np.ndarray:
+        """Return the action for the parts of one observation; within a movement, the best end of what has begun."""
+        n_pb, decision = self.action_space.shape[0], round(float(phase[0]) * self.n_decisions)
+        path, stop = path.reshape(-1, n_pb), self.columns[1].stop
+        if decision not in self.begins:
+            return path[decision - 1]
+        segment, rows = self.begins.index(decision), rows[rows[:, 0] > 0.0]
+        performed = rows[:, 1:stop].reshape(-1, self.n_decisions, n_pb)[:, self.begins]
+        size, done = n_pb * self.n_segments, path[self.begins[:segment]].ravel()
+        rows = np.concatenate([rows[:, :1], performed.reshape(-1, size), rows[:, stop:]], axis=1)
+        learned = np.tile(points.reshape(self.n_basic, n_pb), (1, self.n_segments))
+        ask = self.expect(learned, rows, np.ones(len(rows)))
+
+        def begun(pb: np.ndarray) -> np.ndarray:
+            return np.concatenate([done[None].repeat(len(pb), axis=0), pb[:, len(done) :]], axis=1)
+
+        pb, value = refined(lambda pb: ask(begun(pb)), self.candidates, self.settings.n_refined, 0.0, self.n_segments)
+        value[(begun(pb)[:, None] == rows[:, 1 : 1 + size]).all(-1).any(-1)] = -np.inf  # tried before
+        place = value.argmax()
+        if not deterministic:
+            place = int(torch.multinomial((torch.from_numpy(value) / DRAWN_AT).softmax(0), 1))
+        return pb[place, segment * n_pb : (segment + 1) * n_pb]
 
     def set_training_mode(self, mode: bool) -> None:
         """Switch dropout on or off."""

@@ -6,12 +6,14 @@ moments only and a resumed training has the same bits.
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
+import gymnasium as gym
 import numpy as np
 import torch
 from gymnasium.spaces import Box
@@ -108,7 +110,7 @@ class Simulator:
 
     def begin(self, place: int, rng: np.random.Generator) -> SimulatedEpisode:
         """Return an episode in a memory, with a warp and an order of the actions of its own."""
-        n_pb, n_basic = self.truths[place].form
+        n_pb, n_basic = self.truths[place].n_units, self.truths[place].form[1]
         swapped = self.recipe.swapped_actions if rng.random() < 0.5 else ()
         warp = random_warp(n_pb, rng, 1.5 * self.recipe.warp * rng.random())
         return SimulatedEpisode(self.truths[place], warp, np.array(swapped or range(n_basic)))
@@ -149,8 +151,8 @@ def judge(policy: AttentiveMap, truths: Sequence[MemoryTruth], seeds: Sequence[i
     """
     found = []
     for truth in truths:
-        n_pb, n_basic = truth.form
-        warps = [random_warp(n_pb, np.random.default_rng(seed)) for seed in seeds]
+        n_basic = truth.form[1]
+        warps = [random_warp(truth.n_units, np.random.default_rng(seed)) for seed in seeds]
         played = [SimulatedEpisode(truth, warp, np.arange(n_basic)) for warp in warps]
         play_greedily(policy, played, np.random.default_rng(0))
         found += [float(sum(one.earned)) for one in played]
@@ -202,7 +204,7 @@ def train_map(
     batch_size = recipe.batch_size
     torch.set_num_threads(1)  # so that sums are made in the same order everywhere
     torch.manual_seed(plan.seed)
-    policy = untrained_map(truths[0], chosen, recipe)
+    policy = untrained_map(truths[0], chosen, recipe, plan)
     average, simulator = copy.deepcopy(policy), Simulator(truths, recipe)
     optimiser = torch.optim.AdamW(
         policy.parameters(), recipe.learning_rate, betas=(0.9, recipe.beta_2), weight_decay=recipe.weight_decay
@@ -272,11 +274,18 @@ def train_map(
     return policy, result
 
 
-def untrained_map(truth: MemoryTruth, chosen: Hyperparameters, recipe: SupervisedMap) -> AttentiveMap:
+def untrained_map(
+    truth: MemoryTruth, chosen: Hyperparameters, recipe: SupervisedMap, plan: TrainingPlan
+) -> AttentiveMap:
     """Return a map with first weights, for memories of the form of this one."""
-    n_pb, n_basic = truth.form
+    n_pb, n_basic = truth.n_units, truth.form[1]
     columns = try_columns(n_basic, n_pb)
-    observed = observation_space(layout(n_basic, n_pb, n_rows=N_ACTIONS), columns)
+    observed: Any = observation_space(layout(n_basic, n_pb, n_rows=N_ACTIONS), columns)
+    if (n_segments := chosen.policy_kwargs.get("n_segments", 1)) != truth.n_segments:
+        raise SettingsError(f"`n_segments` of the policy is {n_segments}, but {truth.n_segments} of `{truth.name}`")
+    if n_segments > 1:
+        with contextlib.closing(gym.make(plan.env, memory=plan.memory)) as env:
+            observed = env.observation_space
     if sorted(swapped := recipe.swapped_actions) not in ([], [*range(n_basic)]):
         raise SettingsError(f"`swapped_actions` should be an order of {n_basic} actions, but is {swapped}")
     kind, actions = SupervisedMap.policy_aliases[chosen.policy], Box(-1.0, 1.0, (n_pb,), np.float32)
@@ -289,9 +298,9 @@ def _check(truths: Sequence[MemoryTruth], judged: Sequence[MemoryTruth]) -> None
     if not truths or not judged:
         raise SettingsError("a learned map needs memories to learn from and others to be judged on")
     refuse_test_memories((*truths, *judged), "the memories of a training")
-    forms = {one.form for one in (*truths, *judged)}
+    forms = {(*one.form, one.n_segments) for one in (*truths, *judged)}
     if len(forms) > 1:
-        raise SettingsError(f"memories should have the same PB units and actions, but have {sorted(forms)}")
+        raise SettingsError(f"memories should have the same PB units, actions and segments, but have {sorted(forms)}")
     learned = {one.learned_pb.tobytes() for one in truths}
     for one in judged:
         if one.learned_pb.tobytes() in learned:

@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from creative_nao.arrays import load_tensors, only_arrays, save_tensors, take
-from creative_nao.errors import NotFoundError, SettingsError
+from creative_nao.envs.rollout import DECISION_TICKS, held_in_turn
+from creative_nao.errors import FileFormatError, NotFoundError, SettingsError
 from creative_nao.maps import pb_grid
 from creative_nao.measures import dtw_matrix, reward_scale, score
 from creative_nao.measures.outcome import ALL_OUTCOMES, APPROPRIATE, OUTCOME_CODE
 from creative_nao.model import Memory, load_memory, shipped_memories, split_of
-from creative_nao.schema import LongText, Version1, parse, record
+from creative_nao.schema import Count, LongText, Version1, parse, record
 
 KIND = "memory truth"
 ENDING = ".truth.safetensors"
@@ -30,6 +31,7 @@ MAX_DISTANCE = 1e4
 class _TruthHeader:
     format_version: Version1
     name: LongText
+    n_segments: Count = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +46,8 @@ class MemoryTruth:
         gaps: Between what the points generate, shape (n, n), float16, symmetric.
         learned_pb: The learned PB points, shape (n_basic, n_pb), float32.
         basic_gaps: Distances between the basic actions, shape (n_basic, n_basic), float32.
+        n_segments: PB vectors of a movement, each held for an equal part of it (`envs.rollout.held_in_turn`); a point
+            is all of them, one after the other, and n_pb counts all their values.
     """
 
     name: str
@@ -53,6 +57,7 @@ class MemoryTruth:
     gaps: np.ndarray
     learned_pb: np.ndarray
     basic_gaps: np.ndarray
+    n_segments: int = 1
 
     @functools.cached_property
     def appropriate(self) -> np.ndarray:
@@ -61,26 +66,35 @@ class MemoryTruth:
 
     @property
     def form(self) -> tuple[int, int]:
-        """PB units and basic actions, which all memories of one training have in common."""
+        """Values of a point and basic actions, which all memories of one training have in common."""
         return self.pb.shape[1], len(self.learned_pb)
+
+    @property
+    def n_units(self) -> int:
+        """PB units of the memory."""
+        return self.pb.shape[1] // self.n_segments
 
     def save(self, path: Path) -> Path:
         """Write it to a file in one step and return its path."""
         arrays = {name: getattr(self, name) for name in _ARRAYS}
-        return save_tensors(path, kind=KIND, header={"format_version": 1, "name": self.name}, tensors=arrays)
+        header = {"format_version": 1, "name": self.name, "n_segments": self.n_segments}
+        return save_tensors(path, kind=KIND, header=header, tensors=arrays)
 
     @classmethod
     def load(cls, path: Path) -> MemoryTruth:
         """Read a file of `save`; a torn or foreign one is a `FileFormatError` that names the part."""
         values, arrays = load_tensors(path, kind=KIND)
         only_arrays(path, arrays, _ARRAYS)
-        name = parse(_TruthHeader, values, f"{path}: header").name
+        header = parse(_TruthHeader, values, f"{path}: header")
         pb = take(path, arrays, "pb", (None, None), np.float32, least=-1.0, most=1.0)
         learned = take(path, arrays, "learned_pb", (None, pb.shape[1]), np.float32, least=-1.0, most=1.0)
         n, n_basic, far = len(pb), len(learned), functools.partial(take, path, arrays, least=0.0, most=MAX_DISTANCE)
         outcome = take(path, arrays, "outcome", (n,), np.int8, kinds="i", least=0, most=len(ALL_OUTCOMES) - 1)
         distances, gaps = far("distances", (n, n_basic), np.float32), far("gaps", (n, n), np.float16)
-        return cls(name, pb, outcome, distances, gaps, learned, far("basic_gaps", (n_basic, n_basic), np.float32))
+        if pb.shape[1] % header.n_segments:
+            raise FileFormatError(f"{path}: points of {pb.shape[1]} values are no {header.n_segments} PB vectors")
+        basic_gaps = far("basic_gaps", (n_basic, n_basic), np.float32)
+        return cls(header.name, pb, outcome, distances, gaps, learned, basic_gaps, header.n_segments)
 
 
 @functools.cache
@@ -97,10 +111,12 @@ def spread_points(n_pb: int, n: int) -> np.ndarray:
     return 2.0 * drawn[:n] - 1.0
 
 
-def memory_truth(memory: Memory, name: str = "", n_points: int = N_POINTS) -> MemoryTruth:
+def memory_truth(memory: Memory, name: str = "", n_points: int = N_POINTS, n_segments: int = 1) -> MemoryTruth:
     """Generate and score spread points of a memory; some two seconds of a core for the 1,024 points."""
-    pb, basic = spread_points(memory.pb.shape[1], n_points), memory.demonstrations
-    trajectories, unit = memory.generate(pb), reward_scale(basic)
+    pb, basic = spread_points(memory.pb.shape[1] * n_segments, n_points), memory.demonstrations
+    unit, n_steps = reward_scale(basic), memory.n_steps
+    path = held_in_turn(pb, n_segments, -(-n_steps // DECISION_TICKS)).repeat(DECISION_TICKS, axis=1)[:, :n_steps]
+    trajectories = memory.generate(pb) if n_segments == 1 else memory.generator(path, n_steps)
     scored = score(trajectories, basic)
     return MemoryTruth(
         name=name or memory.name,
@@ -108,19 +124,24 @@ def memory_truth(memory: Memory, name: str = "", n_points: int = N_POINTS) -> Me
         outcome=np.array([OUTCOME_CODE[one] for one in scored.outcome], np.int8),
         distances=(scored.distances / unit).astype(np.float32),
         gaps=(dtw_matrix(trajectories, dtype=np.float32) / unit).astype(np.float16),
-        learned_pb=memory.pb.astype(np.float32),
+        learned_pb=np.tile(memory.pb, (1, n_segments)).astype(np.float32),
         basic_gaps=(dtw_matrix(basic.trajectories) / unit).astype(np.float32),
+        n_segments=n_segments,
     )
 
 
-def kept_truth(memory: Memory, path: Path, name: str = "", n_points: int = N_POINTS) -> MemoryTruth:
+def kept_truth(
+    memory: Memory, path: Path, name: str = "", n_points: int = N_POINTS, n_segments: int = 1
+) -> MemoryTruth:
     """Return the truth of a memory that a file holds; where it holds none, or another one's, it is made and written."""
     if path.is_file():
         truth = MemoryTruth.load(path)
-        points = spread_points(memory.pb.shape[1], n_points).astype(np.float32)
-        if np.array_equal(truth.pb, points) and np.array_equal(truth.learned_pb, memory.pb.astype(np.float32)):
+        points = spread_points(memory.pb.shape[1] * n_segments, n_points).astype(np.float32)
+        learned = np.tile(memory.pb, (1, n_segments)).astype(np.float32)
+        kept = truth.n_segments == n_segments and np.array_equal(truth.pb, points)
+        if kept and np.array_equal(truth.learned_pb, learned):
             return truth
-    truth = memory_truth(memory, name, n_points)
+    truth = memory_truth(memory, name, n_points, n_segments)
     truth.save(path)
     return truth
 
@@ -138,9 +159,9 @@ def read_truths(folder: str | os.PathLike[str]) -> list[MemoryTruth]:
     return [MemoryTruth.load(path) for path in paths]
 
 
-def bank_truths(names: Sequence[str], folder: Path) -> list[MemoryTruth]:
+def bank_truths(names: Sequence[str], folder: Path, n_segments: int = 1) -> list[MemoryTruth]:
     """Return the truths of shipped memories; those that `folder` does not hold are made, and kept there."""
-    return [kept_truth(load_memory(name), truth_file(folder, name)) for name in names]
+    return [kept_truth(load_memory(name), truth_file(folder, name), n_segments=n_segments) for name in names]
 
 
 @functools.cache
@@ -152,5 +173,5 @@ def _test_points() -> dict[bytes, str]:
 def refuse_test_memories(truths: Sequence[MemoryTruth], where: str) -> None:
     """Refuse truths among which one is of a test memory, whatever its name: its learned points tell it."""
     for truth in truths:
-        if (name := _test_points().get(truth.learned_pb.tobytes())) is not None:
+        if (name := _test_points().get(truth.learned_pb[:, : truth.n_units].tobytes())) is not None:
             raise SettingsError(f"{where} should not hold a test memory of the bank, but `{truth.name}` is {name}")
