@@ -40,7 +40,15 @@ def check_same(trained, found, recorded, rel):
         assert found.mean == pytest.approx(recorded.mean, rel=rel)
 
 
-@pytest.mark.parametrize("name", ["ppo/BoxingMental-v0", "sac/BoxingMental-v0", "learned_map/BoxingMental-v1"])
+RECORDED = (
+    "ppo/BoxingMental-v0",
+    "sac/BoxingMental-v0",
+    "learned_map/BoxingMental-v1",
+    "learned_map/BoxingModulation-v1",
+)
+
+
+@pytest.mark.parametrize("name", RECORDED)
 def test_a_shipped_agent_plays_a_recorded_episode_again(name):
     trained = cn.load_agent(name)
     score = trained.header.score
