@@ -117,7 +117,8 @@ def kernels(request, tmp_path_factory):
     if worker is None or len(request.session.items) < MANY:
         return
     for warm_up in WARM_UPS[int(worker.removeprefix("gw")) % 2]:
-        with storage.alone(tmp_path_factory.getbasetemp().parent / f"kernels{warm_up.__name__}"):
+        folder = tmp_path_factory.getbasetemp().parent / f"kernels{warm_up.__name__}"
+        with storage.alone(folder, deadline_s=600.0):  # as long as compiling may take on a busy machine
             warm_up()
 
 

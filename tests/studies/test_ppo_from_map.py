@@ -15,7 +15,7 @@ from creative_nao.model import load_memory
 
 @pytest.mark.slow
 def test_it_begins_as_the_map_and_learns_after_the_value_has():
-    env = gym.make(ppo_from_map.ENV, memory="half/0")
+    env = gym.make("CreativeNao/BoxingMental-v1", memory="half/0")
     torch.manual_seed(0)
     start = AttentiveMap(env.observation_space, env.action_space, width=8, n_heads=2, n_layers=1)
     policy = ppo_from_map.MapPolicy(env.observation_space, env.action_space, lambda _: 1e-3, start)
@@ -23,7 +23,9 @@ def test_it_begins_as_the_map_and_learns_after_the_value_has():
     points, rows = observation[:, :12].reshape(1, 6, 2), torch.zeros(1, 1, start.columns[-1].stop)
     places = policy.mlp_extractor.places[None]
     usable, far, _ = expected(start(points, rows, rows[..., 0], places))
-    assert torch.allclose(policy.mlp_extractor(observation)[0], usable * far / ppo_from_map.TEMPERATURE, atol=1e-5)
+    assert torch.allclose(
+        policy.mlp_extractor(observation)[0], usable * far / policy.mlp_extractor.log_temperature.exp(), atol=1e-5
+    )
     model = ppo_from_map.PPO(
         ppo_from_map.MapPolicy, DummyVecEnv([lambda: env]), n_steps=4, batch_size=4, n_epochs=1, device="cpu", seed=0,
         policy_kwargs={"start": start},
