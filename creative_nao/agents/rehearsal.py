@@ -146,8 +146,8 @@ class PlanningAgent(MovementAgent[S]):
         super().start(context)
         settings: Any = self.settings
         if self.n_segments > context.n_decisions:
-            told = f"{self.n_segments} PB vectors, but here a movement takes {context.n_decisions} decisions"
-            raise SettingsError(f"agent `{self.name}` holds in turn {told}; CreativeNao/BoxingModulation-v0 takes 10")
+            told = f"{self.n_segments} PB vectors, but decisions of a movement here: {context.n_decisions}"
+            raise SettingsError(f"agent `{self.name}` holds in turn {told}; in CreativeNao/BoxingModulation-v0: 10")
         self._known = list(context.demonstrations.trajectories)
         self._n_left = context.n_actions // context.n_decisions
         use = self.body.use if context.physics else "none"

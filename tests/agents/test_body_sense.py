@@ -107,7 +107,7 @@ def test_what_the_body_refuses_in_imagination_is_not_performed(monkeypatch):
     def refusing(self, pb, *, with_body=False):
         if not with_body:
             return imagine(self, pb)
-        asked.append(np.asarray(pb, np.float32))
+        asked.append(np.asarray(pb, np.float32).ravel())
         return [{**imagine(self, pb)[0], "appropriate": len(asked) > 1}]
 
     monkeypatch.setattr(Context, "imagine", refusing)

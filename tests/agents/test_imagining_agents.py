@@ -199,5 +199,5 @@ def test_a_movement_of_five_pb_vectors_is_imagined_as_it_is_performed():
 
 
 def test_several_pb_vectors_need_an_environment_that_takes_them():
-    with pytest.raises(SettingsError, match="5 PB vectors, but here a movement takes 1 decisions"):
+    with pytest.raises(SettingsError, match="5 PB vectors, but decisions of a movement here: 1"):
         play(make_agent("plan_modulated"))

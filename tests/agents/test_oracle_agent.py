@@ -43,7 +43,7 @@ def test_the_environment_pays_the_oracle_what_the_map_promises(oracle, tmp_path)
             name, marks=pytest.mark.slow if name in ("cma_me", "map_elites", "novelty_search", "bayesian") else ()
         )
         for name in UNTRAINED
-        if name not in ("oracle", "imagine", "imagine_with_body")  # which cannot play without imagining
+        if name not in ("oracle", "imagine", "imagine_with_body", "plan_modulated")  # they need imagining or modulation
     ],
 )
 def test_no_agent_earns_more_than_the_oracle(name, env, oracle):

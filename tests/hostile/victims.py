@@ -104,6 +104,7 @@ OWN_FILES = {
     "creative_nao/cli/dispatch.py": "the null device",
     "creative_nao/cli/doctor.py": "/proc/meminfo",
     "creative_nao/demonstrations/keyframes.py": "the punches, which ship",
+    "creative_nao/envs/boxing_envs.py": "text of the environments' pages, which ships",
     "creative_nao/evaluation/oracle_sets.py": "what the oracle finds on the shipped memories, which ships",
     "creative_nao/evaluation/pages.py": "pictures it has just drawn",
     "creative_nao/evaluation/paper/claims.py": "what the paper says, which ships",
