@@ -261,7 +261,8 @@ def tries_of(space: Any, n_pb: int = 0) -> tuple[Parts, Parts]:
         n_values = ends[0][1] - ends[0][0] if len(ends) > 1 else 0
         n_pb = n_pb or n_values
         n_decisions = n_values // n_pb if n_pb else 1
-        n_senses = -int(np.subtract(*ends.pop())) - n_values if n_decisions > 1 else 0
+        first, stop = ends.pop() if n_decisions > 1 else (0, n_values)
+        n_senses = stop - first - n_values
         told = itertools.product((Track.TRAJECTORIES, Track.POINTS) if n_told else (Track.OUTCOMES,), (False, True))
         for track, rehearsal in told if n_pb else ():
             sizes: Any = {"n_actions": n_told // n_pb, "n_pb": n_pb, "track": track, "rehearsal": rehearsal}

@@ -77,6 +77,8 @@ class AttentiveMap(nn.Module):
 
     waves: Tensor
     basic_gaps: Tensor
+    encoder: Any  # layers of `_Attention`
+    decoder: Any
 
     def __init__(
         self,
