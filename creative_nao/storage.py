@@ -250,7 +250,10 @@ def unsealed(values: dict[str, Any], content: bytes, where: str) -> dict[str, An
         return values
     told = values[SEAL]
     plain = content.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n")  # as an editor may have saved it
-    if not isinstance(told, str) or told != hashlib.sha256(plain.replace(told.encode(), BLANK.encode(), 1)).hexdigest():
+    if (
+        not isinstance(told, str)
+        or told != hashlib.sha256(plain.replace(told.encode(errors="replace"), BLANK.encode(), 1)).hexdigest()
+    ):
         raise FileFormatError(
             f"{where}: damaged, or changed by hand: it does not fit its own `{SEAL}`; take that out to use it as it is"
         )

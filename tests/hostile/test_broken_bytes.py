@@ -211,3 +211,10 @@ def test_the_checksum_of_a_memory_takes_less_than_a_millisecond(tmp_path):
 
 def test_the_archives_tried_are_those_of_ours():
     assert set(ARCHIVES) - set(SEALED) == {"motion_npz"}, "which other programs read and write too"
+
+
+def test_a_seal_that_no_file_can_hold_is_refused(tmp_path):
+    path = tmp_path / "sealed.json"
+    path.write_text(r'{"sha256": "\ud800", "a": 1}')
+    with pytest.raises(FileFormatError, match="damaged, or changed by hand"):
+        read_json(path, "a file")
