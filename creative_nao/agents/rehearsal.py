@@ -160,8 +160,8 @@ class PlanningAgent(MovementAgent[S]):
         self._distances = self._accepted = np.empty(0)
         n_first = round(settings.first_share * context.n_imagined_left)
         space, n = context.action_space, self.n_segments
-        self._points_of = replace(context, action_space=Box(np.tile(space.low, n), np.tile(space.high, n)))
-        self._spread = iter(sobol_points(self._points_of, max(n_first, self._n_left)))
+        self._point_context = replace(context, action_space=Box(np.tile(space.low, n), np.tile(space.high, n)))
+        self._spread = iter(sobol_points(self._point_context, max(n_first, self._n_left)))
         if n_first:
             self.imagine(np.array([next(self._spread) for _ in range(n_first)]))
 
@@ -248,7 +248,7 @@ class PlanningAgent(MovementAgent[S]):
 
     def around_best(self, n: int, sigma: float) -> np.ndarray:
         """Draw points normally distributed around the movement kept that is worth most, shape (n, n_pb)."""
-        space = self._points_of.action_space
+        space = self._point_context.action_space
         best = self._pool_pb[int((self._distances * self._accepted).argmax())]
         return np.clip(best + self.context.rng.normal(0.0, sigma, (n, *space.shape)), space.low, space.high)
 
@@ -285,7 +285,7 @@ class PlanAgent(PlanningAgent[PlanSettings]):
 
     def where(self, n: int) -> np.ndarray:
         """Draw points around the best movement imagined and not yet performed, shape (n, n_pb)."""
-        return self.around_best(n, self.settings.sigma) if self._pool else uniform_points(self._points_of, n)
+        return self.around_best(n, self.settings.sigma) if self._pool else uniform_points(self._point_context, n)
 
 
 class PlanModulatedAgent(PlanAgent):

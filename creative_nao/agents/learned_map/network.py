@@ -37,20 +37,20 @@ class _Attention(nn.Module):
         self.feed_forward = nn.Sequential(nn.Linear(width, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
         self.log_decay = nn.Parameter(torch.linspace(-1.0, 5.0, n_heads))
 
-    def told(self, tries: Tensor) -> tuple[Tensor, ...]:
+    def keys_values(self, tries: Tensor) -> tuple[Tensor, ...]:
         """Return keys and values of tries (b, n, width), (b, n_heads, n, width / n_heads) each."""
         key_value = self.key_value(self.norm_tries(tries)).unflatten(-1, (2, self.n_heads, -1))
         return key_value.permute(2, 0, 3, 1, 4).unbind()
 
-    def forward(self, points: Tensor, told: tuple[Tensor, ...], squares: Tensor, left_out: Tensor | None) -> Tensor:
-        """Return the points (b, q, width) after reading what is `told` of tries, but those `left_out` (b, n)."""
+    def forward(self, points: Tensor, read: tuple[Tensor, ...], squares: Tensor, padding: Tensor | None) -> Tensor:
+        """Return points (b, q, width) after reading the `keys_values` of n tries that are no `padding` (b, n)."""
         b, q, width = points.shape
         query = self.query(self.norm_query(points)).view(b, q, self.n_heads, -1).transpose(1, 2)
-        key, value = told
+        key, value = read
         decay = squares[:, None] * self.log_decay.exp()[None, :, None, None]
         weight = query @ key.transpose(-1, -2) / query.shape[-1] ** 0.5 - decay
-        if left_out is not None:
-            weight = weight.masked_fill(left_out[:, None, None, :], -1e9)
+        if padding is not None:
+            weight = weight.masked_fill(padding[:, None, None, :], -1e9)
         weight = weight.softmax(-1)
         points = points + self.dropout(self.out((weight @ value).transpose(1, 2).reshape(b, q, width)))
         return points + self.dropout(self.feed_forward(self.norm(points)))
@@ -103,7 +103,7 @@ class AttentiveMap(nn.Module):
         self.parts, self.columns = tries_of(observation_space, n_pb)
         self.n_basic = n_basic = self.columns[-1].size
         self.n_decisions = self.columns[1].size // n_pb
-        self.begins = [-(-segment * self.n_decisions // n_segments) for segment in range(n_segments)]
+        self.segment_starts = [-(-segment * self.n_decisions // n_segments) for segment in range(n_segments)]
         if self.columns[-1].name != "distances" or self.n_decisions < n_segments:
             raise SettingsError(
                 f"`observation_space` should tell tries of {n_pb} PB units and their distances to the basic actions, "
@@ -129,8 +129,8 @@ class AttentiveMap(nn.Module):
     def encode(self, points: Tensor, rows: Tensor, performed: Tensor) -> tuple[Any, ...]:
         """Return what is known as a set.
 
-        Its tokens (b, n, width), keys and values for each layer of the decoder, which tokens are empty (None: none is),
-        where they lie, and how much of each of four kinds they are, (b, n, 4): learned points, tries performed and
+        Its tokens (b, n, width), keys and values for each layer of the decoder, which tokens are padding (None: none
+        is), where they lie, and how much of each of four kinds they are, (b, n, 4): learned points, tries performed and
         imagined that can be used, those that cannot.
 
         Args:
@@ -155,20 +155,20 @@ class AttentiveMap(nn.Module):
         told = torch.cat([taught, tries], 1)
         tokens, where = self.embed_try(told), told[..., :n_pb]
         empty = kinds.sum(-1) == 0.0
-        left_out, gaps = empty if empty.any() else None, squares(where, where)
+        padding, gaps = empty if empty.any() else None, squares(where, where)
         for layer in self.encoder:
-            tokens = layer(tokens, layer.told(tokens), gaps, left_out)
-        return tokens, [layer.told(tokens) for layer in self.decoder], left_out, where, kinds
+            tokens = layer(tokens, layer.keys_values(tokens), gaps, padding)
+        return tokens, [layer.keys_values(tokens) for layer in self.decoder], padding, where, kinds
 
     def decode(self, known: tuple[Any, ...], pb: Tensor) -> Tensor:
         """Return what is told of each PB point asked, (b, q, n_pb) into (b, q, 3 + n_basic)."""
-        _, told, left_out, where, kinds = known
+        _, read, padding, where, kinds = known
         far, waves = squares(pb, where), pb @ self.waves
         spans = far.new_tensor([-2.0 * scale**2 for scale in SCALES])[:, None, None]
         density = torch.log(torch.exp(far[:, None] / spans) @ kinds[:, None] + 0.01).transpose(1, 2).flatten(2)
         asked = self.embed_point(torch.cat([pb, waves.sin(), waves.cos(), density], -1))
-        for layer, keys_values in zip(self.decoder, told, strict=True):
-            asked = layer(asked, keys_values, far, left_out)
+        for layer, keys_values in zip(self.decoder, read, strict=True):
+            asked = layer(asked, keys_values, far, padding)
         return self.head(asked)
 
     def forward(self, points: Tensor, rows: Tensor, performed: Tensor, pb: Tensor) -> Tensor:
@@ -212,11 +212,11 @@ class AttentiveMap(nn.Module):
         """Return the action for the parts of one observation; within a movement, the best end of what has begun."""
         n_pb, decision = self.action_space.shape[0], round(float(phase[0]) * self.n_decisions)
         path, stop = path.reshape(-1, n_pb), self.columns[1].stop
-        if decision not in self.begins:
+        if decision not in self.segment_starts:
             return path[decision - 1]
-        segment, rows = self.begins.index(decision), rows[rows[:, 0] > 0.0]
-        performed = rows[:, 1:stop].reshape(-1, self.n_decisions, n_pb)[:, self.begins]
-        size, done = n_pb * self.n_segments, path[self.begins[:segment]].ravel()
+        segment, rows = self.segment_starts.index(decision), rows[rows[:, 0] > 0.0]
+        performed = rows[:, 1:stop].reshape(-1, self.n_decisions, n_pb)[:, self.segment_starts]
+        size, done = n_pb * self.n_segments, path[self.segment_starts[:segment]].ravel()
         rows = np.concatenate([rows[:, :1], performed.reshape(-1, size), rows[:, stop:]], axis=1)
         learned = np.tile(points.reshape(self.n_basic, n_pb), (1, self.n_segments))
         ask = self.expect(learned, rows, np.ones(len(rows)))
