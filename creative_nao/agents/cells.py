@@ -241,7 +241,7 @@ class CellPolicy(ActorCriticPolicy):
         return self.action_dist.proba_distribution(latent_pi)
 
 
-_CARRIED = "cell_probabilities"
+CARRIED = "cell_probabilities"
 
 
 class CellActor(BasePolicy):
@@ -263,7 +263,7 @@ class CellActor(BasePolicy):
         """Return points (n, n_pb) that carry their distribution, and its expected log density (n,)."""
         distribution = self.action_dist.proba_distribution(self.weights(*self.features(obs)))
         actions = distribution.sample()
-        setattr(actions, _CARRIED, distribution.categorical.probs)
+        setattr(actions, CARRIED, distribution.categorical.probs)
         return actions, -distribution.entropy()
 
     def _predict(self, observation: torch.Tensor, deterministic: bool = False) -> torch.Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -282,7 +282,7 @@ class CellCritic(BaseModel):
         """Return each network's values (n, 1): of the actions' cells, or of the distribution the actions carry."""
         inputs = self.features(obs)
         maps = [values(*inputs) for values in self.values]
-        probabilities = getattr(actions, _CARRIED, None)
+        probabilities = getattr(actions, CARRIED, None)
         if probabilities is not None:
             return tuple((probabilities * one).sum(dim=1, keepdim=True) for one in maps)
         cells = cells_at(actions)[:, None]
