@@ -4,7 +4,9 @@
 as a policy: what it expects a cell of a grid to earn, divided by a temperature that is learned too, is the logit of
 choosing that cell. With `--env CreativeNao/BoxingRehearsal-v0` it chooses where to imagine: the logit is the logarithm
 of what it expects beyond the candidate, divided by the temperature; a network that begins with a commit at every eighth
-movement imagined decides when to stop. It prints the reward on validation memories; `--timesteps 0` judges the start.
+movement imagined decides when to stop. With `--env CreativeNao/BoxingModulation-v1` and a map of several PB vectors it
+chooses the next of them: the logit of a point spread over all is what it earns after what the movement has begun with.
+It prints the reward on validation memories; `--timesteps 0` judges the start.
 FOLDER keeps the truths of the train memories, which are made where they are missing.
 """
 
@@ -22,6 +24,7 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from torch import nn
+from torch.distributions import Categorical
 
 from creative_nao import load_agent, storage
 from creative_nao.agents import CellPolicy, FlippedSwappedAxes, PolicyAgent
@@ -44,6 +47,8 @@ N_SHOWN = 48
 
 class MapNetwork(nn.Module):
     """Logits of the cells from a learned map, and features of the value: what it expects of them, and the time."""
+
+    places: torch.Tensor
 
     def __init__(self, start: AttentiveMap, space: Any) -> None:
         super().__init__()
@@ -105,6 +110,96 @@ class MapNetwork(nn.Module):
         return self(observations)[1]
 
 
+class SegmentNetwork(nn.Module):
+    """Logits of spread points of several PB vectors from a learned map, and features of the value, as `MapNetwork`.
+
+    Behind the logits stand the PB vector held now and the place of the one that begins, or -1 where none does.
+    """
+
+    points: torch.Tensor
+
+    def __init__(self, start: AttentiveMap, space: Any) -> None:
+        super().__init__()
+        self.map = copy.deepcopy(start)
+        self.parts, self.columns = start.parts, start.columns
+        self.n_pb = start.action_space.shape[0]
+        self.register_buffer("points", torch.from_numpy(start.candidates), persistent=False)
+        self.log_temperature = nn.Parameter(torch.tensor(float(np.log(TEMPERATURE[False]))))
+        self.value = nn.Sequential(nn.Linear(7, 32), nn.Tanh(), nn.Linear(32, 32), nn.Tanh())
+        self.latent_dim_pi, self.latent_dim_vf = len(self.points) + self.n_pb + 1, 32
+
+    def forward(self, observations: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return logits, the vector held and the place (n, n_points + n_pb + 1), and value features (n, 32)."""
+        n, n_pb, learned = len(observations), self.n_pb, self.map
+        told: Any = split(observations, self.parts, self.columns)  # pyright: ignore[reportArgumentType]
+        rows = told["tries"][:, : max(int(told["tries"][..., 0].sum(dim=1).max()), 1)]
+        starts, stop = learned.segment_starts, self.columns[1].stop
+        vectors = rows[..., 1:stop].unflatten(2, (learned.n_decisions, n_pb))[:, :, starts].flatten(2)
+        rows = torch.cat([rows[..., :1], vectors, rows[..., stop:]], dim=2)
+        decision = (told["phase"][:, 0] * learned.n_decisions).round().long()
+        path = told["path"].unflatten(1, (learned.n_decisions, n_pb))
+        n_begun = (decision[:, None] > torch.tensor(starts)).sum(dim=1)
+        held = path[torch.arange(n), (decision - 1).clamp(min=0)]
+        begins = (decision[:, None] == torch.tensor(starts)).any(dim=1)
+        done = (torch.arange(learned.n_segments) < n_begun[:, None]).repeat_interleave(n_pb, dim=1)[:, None]
+        asked = torch.where(done, path[:, starts].flatten(1)[:, None], self.points)
+        known = told["points"].unflatten(1, (learned.n_basic, n_pb)).repeat(1, 1, learned.n_segments)
+        usable, far, _ = expected(learned(known, rows, rows[..., 0], asked))
+        worth = usable * far
+        top, earned = worth.topk(2, dim=1).values, rows[..., self.columns[3].start - stop + vectors.shape[2] + 1]
+        summary = [worth.mean(dim=1), worth.std(dim=1), *top.unbind(dim=1), earned.mean(dim=1)]
+        summary += [told["step"][:, 0], told["phase"][:, 0]]
+        place = torch.where(begins, n_begun, -1)[:, None]
+        latent = torch.cat([worth / self.log_temperature.exp(), held, place.float()], dim=1)
+        return latent, self.value(torch.stack(summary, dim=1).detach())
+
+    def forward_actor(self, observations: torch.Tensor) -> torch.Tensor:
+        """Return what the actions are drawn from."""
+        return self(observations)[0]
+
+    def forward_critic(self, observations: torch.Tensor) -> torch.Tensor:
+        """Return value features."""
+        return self(observations)[1]
+
+
+class SegmentDistribution(CellDistribution):
+    """Draws one of the points (n_points, n_segments * n_pb) where a PB vector begins, else holds the last.
+
+    An action is the drawn point's PB vector of this place; no two points have one in common.
+    """
+
+    def __init__(self, points: torch.Tensor, n_pb: int) -> None:
+        super().__init__(n_pb)
+        self.vectors = points.unflatten(1, (-1, n_pb)).transpose(0, 1)
+
+    def proba_distribution(self, logits: torch.Tensor) -> SegmentDistribution:
+        """Take what `SegmentNetwork` returns."""
+        n_points = self.vectors.shape[1]
+        self.categorical = Categorical(logits=logits[:, :n_points])
+        self.held, self.place = logits[:, n_points:-1], logits[:, -1].long()
+        return self
+
+    def log_prob(self, actions: torch.Tensor) -> torch.Tensor:
+        """Return the logarithm of the probability of actions (n, n_pb), shape (n,); 0 where nothing begins."""
+        gaps = (self.vectors[self.place.clamp(min=0)] - actions[:, None]).abs().sum(dim=2)
+        return self.categorical.log_prob(gaps.argmin(dim=1)) * (self.place >= 0)
+
+    def entropy(self) -> torch.Tensor:
+        """Return the entropy, shape (n,)."""
+        return self.categorical.entropy() * (self.place >= 0)
+
+    def sample(self) -> torch.Tensor:
+        """Draw PB vectors, shape (n, n_pb)."""
+        return self._actions(self.categorical.sample())
+
+    def mode(self) -> torch.Tensor:
+        """Return those of the likeliest points, shape (n, n_pb)."""
+        return self._actions(self.categorical.logits.argmax(dim=1))
+
+    def _actions(self, drawn: torch.Tensor) -> torch.Tensor:
+        return torch.where(self.place[:, None] >= 0, self.vectors[self.place.clamp(min=0), drawn], self.held)
+
+
 class MapPolicy(CellPolicy):
     """PPO's policy over the cells, out of a learned map; `start` is the map to begin with."""
 
@@ -116,6 +211,9 @@ class MapPolicy(CellPolicy):
 
     def make_network(self, space: Any, actions: Any) -> tuple[Any, CellDistribution]:
         """Return the network and its distribution."""
+        if self.begin_with[0].n_segments > 1:
+            segments = SegmentNetwork(self.begin_with[0], space)
+            return segments, SegmentDistribution(segments.points, segments.n_pb)
         network = MapNetwork(self.begin_with[0], space)
         return network, CellDistribution(2, network.resolution, network.rehearsal)
 
@@ -159,9 +257,11 @@ def judged(policy: Any, env: str, memories: tuple[str, ...], seeds: range) -> di
 
 def main() -> None:
     """Train and print the scores."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("map", help="bundle, or shipped name, of a learned map")
-    parser.add_argument("--env", default="CreativeNao/BoxingMental-v1", help="it, or CreativeNao/BoxingRehearsal-v0")
+    parser.add_argument(
+        "--env", default="CreativeNao/BoxingMental-v1", help="it, or BoxingRehearsal-v0, BoxingModulation-v1"
+    )
     parser.add_argument("--truths", type=Path, help="folder of the train memories' truths, for --auxiliary")
     parser.add_argument("--auxiliary", type=int, default=0, help="batches of the supervised loss after each rollout")
     parser.add_argument("--seed", type=int, default=0)
@@ -178,11 +278,16 @@ def main() -> None:
     names = split_memories("train")
     simulator = None
     if asked.auxiliary:
-        simulator = Simulator(bank_truths(names, asked.truths), SupervisedMap(imagined_share=0.0))
-    envs = FlippedSwappedAxes(SB3VecEnv(asked.env, 32, n_threads=1, memory="train"))
-    discounts = {"gamma": 1.0, "gae_lambda": 0.95} if "Rehearsal" in asked.env else {"gamma": 0.9, "gae_lambda": 0.9}
+        truths = bank_truths(names, asked.truths, start.n_segments)
+        simulator = Simulator(truths, SupervisedMap(imagined_share=0.0))
+    modulated, rehearsal = start.n_segments > 1, "Rehearsal" in asked.env
+    envs: Any = SB3VecEnv(asked.env, 8 if modulated else 32, n_threads=1, memory="train")
+    envs = envs if modulated else FlippedSwappedAxes(envs)  # points of several PB vectors are not spread evenly
+    # Of a decision; a movement has one, or ten where it is modulated.
+    gamma, gae_lambda = (1.0, 0.95) if rehearsal else (0.99, 0.97) if modulated else (0.9, 0.9)
     model = PPO(
-        MapPolicy, envs, n_steps=30, batch_size=120, n_epochs=3, clip_range=0.1, **discounts,
+        MapPolicy, envs, n_steps=300 if modulated else 30, batch_size=120, n_epochs=3, clip_range=0.1,
+        gamma=gamma, gae_lambda=gae_lambda,
         learning_rate=asked.learning_rate, seed=asked.seed, device="cpu", policy_kwargs={"start": start},
     )  # fmt: skip
     memories, seeds = split_memories(asked.judged), range(100, 100 + asked.episodes)
