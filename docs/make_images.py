@@ -211,7 +211,8 @@ def curves(runs: Positional[tuple[Path, ...]]) -> None:
     Args:
         runs: Folders of `creative-nao agent train learned_map`, of one environment and several seeds.
     """
-    headers = [load_agent(run / "agent.safetensors").header for run in runs]
+    agents = [load_agent(run / "agent.safetensors") for run in runs]
+    headers, n_pb = [agent.header for agent in agents], agents[0].policy.action_space.shape[0]
     with styled():
         drawn, (losses, rewards) = figure(8.6, 3.4, 1, 2)
         for header, run, line in zip(headers, runs, ("-", "--", ":", "-."), strict=False):
@@ -229,7 +230,7 @@ def curves(runs: Positional[tuple[Path, ...]]) -> None:
             axis.legend(fontsize=8)
         pixels = io.BytesIO()
         drawn.savefig(pixels, format="png", dpi=110)
-    name = f"{headers[0].agent}-{headers[0].env.rpartition('/')[2]}"
+    name = f"{headers[0].agent}-{headers[0].env.rpartition('/')[2]}" + ("" if n_pb == 2 else f"-{n_pb}pb")
     save_small(pixels, IMAGES / "agents" / f"{name}_curves.png")
 
 
