@@ -14,6 +14,7 @@ from creative_nao.agents.base import Agent, Context, MovementAgent, check_kind
 from creative_nao.agents.black_box import RandomAgent, sobol_points, uniform_points
 from creative_nao.agents.body_sense import shipped_sense
 from creative_nao.envs import Track
+from creative_nao.envs.episode_batch import EPISODE_ACTIONS
 from creative_nao.envs.rollout import held_in_turn
 from creative_nao.errors import SettingsError
 from creative_nao.measures import dtw_matrix
@@ -135,6 +136,8 @@ class PlanningAgent(MovementAgent[S]):
     """
 
     body: BodySettings = BodySettings()
+    long_first_share: float | None = None
+    """`first_share` in episodes of more than 30 movements; None: the same."""
     n_segments: int = 1
 
     learns_within_episode: ClassVar[bool] = True
@@ -158,7 +161,8 @@ class PlanningAgent(MovementAgent[S]):
         self._pool_pb: list[np.ndarray] = []
         self._pool: list[np.ndarray] = []
         self._distances = self._accepted = np.empty(0)
-        n_first = round(settings.first_share * context.n_imagined_left)
+        long_share = self.long_first_share if self._n_left > EPISODE_ACTIONS else None
+        n_first = round((settings.first_share if long_share is None else long_share) * context.n_imagined_left)
         space, n = context.action_space, self.n_segments
         self._point_context = replace(context, action_space=Box(np.tile(space.low, n), np.tile(space.high, n)))
         self._spread = iter(sobol_points(self._point_context, max(n_first, self._n_left)))

@@ -352,6 +352,16 @@ def test_beyond_n_expected_it_imagines_around_the_best_movement(bundle):
     env.close()
 
 
+@pytest.mark.parametrize(("n_actions", "n_first"), [(30, 2), (31, 31 + 1)])
+def test_in_long_episodes_half_of_the_budget_is_spread_first(bundle, n_actions, n_first):
+    agent = LearnedMapAgent(load_agent(bundle))
+    agent.n_candidates = 2
+    env = gym.make(ENV, memory="half/10", n_imagined=2 * n_actions, n_actions=n_actions)
+    step = next(play_episode(agent, env, seed=0, rng=np.random.default_rng(0)))
+    assert step.n_imagined == n_first
+    env.close()
+
+
 def test_the_agent_refuses_memories_of_another_form(bundle):
     with pytest.raises(SettingsError, match=r"shape \(6, 2\), but these are \(6, 4\)"):
         evaluate_agent(make_agent(str(bundle)), ENV, ["half-4pb/10"], [0])

@@ -37,7 +37,7 @@ class LearnedMapSettings:
     n_refined: Annotated[int, Field(ge=0, le=65_536)] = 64
     """Points around the best of them that are asked then."""
     first_share: UnitInterval = 0.0
-    """Part of the budget of imagining that is spread evenly before the first movement is performed."""
+    """Part of the budget that is imagined, evenly spread, before the first of at most 30 movements; else it is half."""
     n_expected: Annotated[int, Field(ge=1, le=9_999)] = 9_999
     """Most points that are imagined before a movement where the map expects most; what else the budget allows is drawn
     around the best movement imagined and not yet performed."""
@@ -91,6 +91,7 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
 
     name: ClassVar[str] = "learned_map"
     body = BodySettings("sense")
+    long_first_share = 0.5
     _map: Any
     settings_type = LearnedMapSettings
 
@@ -162,21 +163,20 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
     def learn_imagined(self, pb: np.ndarray, info: Mapping[str, Any]) -> None:
         """Keep what was imagined."""
         if info.get("imagined"):
-            usable = bool(info["appropriate"])
-            self._imagined[_key(pb)] = self._row(pb, info), self._n_pooled if usable else None
-            self._n_pooled += usable
+            place = self._n_pooled if info["appropriate"] else None
+            self._imagined[pb.astype(np.float32).tobytes()] = self._row(pb, info), place
+            self._n_pooled += bool(info["appropriate"])
 
     def learn(self, pb: np.ndarray, observation: np.ndarray, reward: float, info: Mapping[str, Any]) -> None:
         """Keep what was performed, where it has ended."""
         pb = pb if self.n_segments == 1 or self._held is None else self._held
         super().learn(pb, observation, reward, info)
         if self._held is None:
-            self._imagined.pop(_key(pb), None)
+            self._imagined.pop(pb.astype(np.float32).tobytes(), None)
             self._performed.append(self._row(pb, info))
 
     def _row(self, pb: np.ndarray, info: Mapping[str, Any]) -> np.ndarray:
-        at = self._columns
-        row = np.zeros(at["distances"].stop, np.float32)
+        at, row = self._columns, np.zeros(self._columns["distances"].stop, np.float32)
         row[0] = 1.0
         row[at["pb"].start : at["pb"].stop] = pb
         row[at["outcome"].start + OUTCOME_CODE[info["outcome"]]] = 1.0
@@ -187,7 +187,3 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
 
 def _bounded(value: Any) -> Any:
     return value / (value + 1.0)
-
-
-def _key(pb: np.ndarray) -> bytes:
-    return np.asarray(pb, np.float32).tobytes()
