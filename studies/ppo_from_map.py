@@ -110,7 +110,7 @@ class MapNetwork(nn.Module):
         return self(observations)[1]
 
 
-class SegmentNetwork(nn.Module):
+class SegmentNetwork(MapNetwork):
     """Logits of spread points of several PB vectors from a learned map, and features of the value, as `MapNetwork`.
 
     Behind the logits stand the PB vector held now and the place of the one that begins, or -1 where none does.
@@ -118,8 +118,8 @@ class SegmentNetwork(nn.Module):
 
     points: torch.Tensor
 
-    def __init__(self, start: AttentiveMap, space: Any) -> None:
-        super().__init__()
+    def __init__(self, start: AttentiveMap) -> None:
+        nn.Module.__init__(self)
         self.map = copy.deepcopy(start)
         self.parts, self.columns = start.parts, start.columns
         self.n_pb = start.action_space.shape[0]
@@ -152,14 +152,6 @@ class SegmentNetwork(nn.Module):
         place = torch.where(begins, n_begun, -1)[:, None]
         latent = torch.cat([worth / self.log_temperature.exp(), held, place.float()], dim=1)
         return latent, self.value(torch.stack(summary, dim=1).detach())
-
-    def forward_actor(self, observations: torch.Tensor) -> torch.Tensor:
-        """Return what the actions are drawn from."""
-        return self(observations)[0]
-
-    def forward_critic(self, observations: torch.Tensor) -> torch.Tensor:
-        """Return value features."""
-        return self(observations)[1]
 
 
 class SegmentDistribution(CellDistribution):
@@ -212,7 +204,7 @@ class MapPolicy(CellPolicy):
     def make_network(self, space: Any, actions: Any) -> tuple[Any, CellDistribution]:
         """Return the network and its distribution."""
         if self.begin_with[0].n_segments > 1:
-            segments = SegmentNetwork(self.begin_with[0], space)
+            segments = SegmentNetwork(self.begin_with[0])
             return segments, SegmentDistribution(segments.points, segments.n_pb)
         network = MapNetwork(self.begin_with[0], space)
         return network, CellDistribution(2, network.resolution, network.rehearsal)
@@ -282,7 +274,7 @@ def main() -> None:
         simulator = Simulator(truths, SupervisedMap(imagined_share=0.0))
     modulated, rehearsal = start.n_segments > 1, "Rehearsal" in asked.env
     envs: Any = SB3VecEnv(asked.env, 8 if modulated else 32, n_threads=1, memory="train")
-    envs = envs if modulated else FlippedSwappedAxes(envs)  # points of several PB vectors are not spread evenly
+    envs = envs if modulated else FlippedSwappedAxes(envs)  # that wrapper turns tries of one PB vector each
     # Of a decision; a movement has one, or ten where it is modulated.
     gamma, gae_lambda = (1.0, 0.95) if rehearsal else (0.99, 0.97) if modulated else (0.9, 0.9)
     model = PPO(

@@ -128,16 +128,14 @@ class PlanningAgent(MovementAgent[S]):
     """Keeps every movement that it imagines and performs the one farthest from what is known by then.
 
     A subclass says where to imagine in `where`, and what to perform without imagining in `untried`. Its settings tell
-    `first_share`, the part of the budget that is imagined before the first movement, evenly spread (Sobol); the rest is
-    imagined in equal parts before each movement.
+    `first_share`, the part of the budget that is imagined, evenly spread (Sobol), before the first movement; it may tell
+    `long_first_share`, the same in episodes of more than 30 movements; the rest is imagined in equal parts before each.
     Where the robot performs in physics, `body` tells how the agent heeds what the body may refuse.
     Where a movement takes several decisions, it may be of `n_segments` PB vectors, held in turn
     (`envs.rollout.held_in_turn`); a point is then all of them, n_segments * n_pb values.
     """
 
     body: BodySettings = BodySettings()
-    long_first_share: float | None = None
-    """`first_share` in episodes of more than 30 movements; None: the same."""
     n_segments: int = 1
 
     learns_within_episode: ClassVar[bool] = True
@@ -161,8 +159,9 @@ class PlanningAgent(MovementAgent[S]):
         self._pool_pb: list[np.ndarray] = []
         self._pool: list[np.ndarray] = []
         self._distances = self._accepted = np.empty(0)
-        long_share = self.long_first_share if self._n_left > EPISODE_ACTIONS else None
-        n_first = round((settings.first_share if long_share is None else long_share) * context.n_imagined_left)
+        is_long = self._n_left > EPISODE_ACTIONS and hasattr(settings, "long_first_share")
+        first_share = settings.long_first_share if is_long else settings.first_share
+        n_first = round(first_share * context.n_imagined_left)
         space, n = context.action_space, self.n_segments
         self._point_context = replace(context, action_space=Box(np.tile(space.low, n), np.tile(space.high, n)))
         self._spread = iter(sobol_points(self._point_context, max(n_first, self._n_left)))

@@ -352,9 +352,9 @@ def test_beyond_n_expected_it_imagines_around_the_best_movement(bundle):
     env.close()
 
 
-@pytest.mark.parametrize(("n_actions", "n_first"), [(30, 2), (31, 31 + 1)])
-def test_in_long_episodes_half_of_the_budget_is_spread_first(bundle, n_actions, n_first):
-    agent = LearnedMapAgent(load_agent(bundle))
+@pytest.mark.parametrize(("n_actions", "share", "n_first"), [(30, 0.5, 2), (31, 0.5, 31 + 1), (31, 0.0, 2)])
+def test_in_long_episodes_half_of_the_budget_is_spread_first(bundle, n_actions, share, n_first):
+    agent = LearnedMapAgent(load_agent(bundle), LearnedMapSettings(long_first_share=share))
     agent.n_candidates = 2
     env = gym.make(ENV, memory="half/10", n_imagined=2 * n_actions, n_actions=n_actions)
     step = next(play_episode(agent, env, seed=0, rng=np.random.default_rng(0)))

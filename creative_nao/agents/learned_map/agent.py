@@ -37,10 +37,12 @@ class LearnedMapSettings:
     n_refined: Annotated[int, Field(ge=0, le=65_536)] = 64
     """Points around the best of them that are asked then."""
     first_share: UnitInterval = 0.0
-    """Part of the budget that is imagined, evenly spread, before the first of at most 30 movements; else it is half."""
+    """Part of the budget of imagining that is spread evenly before the first movement is performed."""
     n_expected: Annotated[int, Field(ge=1, le=9_999)] = 9_999
     """Most points that are imagined before a movement where the map expects most; what else the budget allows is drawn
     around the best movement imagined and not yet performed."""
+    long_first_share: UnitInterval = 0.5
+    """`first_share` in episodes of more than 30 movements, which are more than a map is taught by."""
 
 
 def refined(
@@ -91,7 +93,6 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
 
     name: ClassVar[str] = "learned_map"
     body = BodySettings("sense")
-    long_first_share = 0.5
     _map: Any
     settings_type = LearnedMapSettings
 
