@@ -128,7 +128,7 @@ class PlanningAgent(MovementAgent[S]):
     """Keeps every movement that it imagines and performs the one farthest from what is known by then.
 
     A subclass says where to imagine in `where`, and what to perform without imagining in `untried`. Its settings tell
-    `first_share`, the part of the budget that is imagined, evenly spread (Sobol), before the first movement; it may tell
+    `first_share`, the part of the budget imagined, evenly spread (Sobol), before the first movement, and may tell
     `long_first_share`, the same in episodes of more than 30 movements; the rest is imagined in equal parts before each.
     Where the robot performs in physics, `body` tells how the agent heeds what the body may refuse.
     Where a movement takes several decisions, it may be of `n_segments` PB vectors, held in turn
