@@ -5,7 +5,11 @@
 The folders are those of `creative-nao agent memories`. Every map plays greedily over the points of each memory's truth,
 without imagining, in `--copies` copies whose axes are flipped and swapped; what it earns is divided by what uniform
 sampling earns on the same memories, for some memories are richer than others. More memories to learn from can bring the
-second ratio up to the first at most, as long as the first does not rise too.
+second ratio up to the first at most, as long as the first does not rise too. Beside it stand two terms of its loss in
+simulated episodes: the cross-entropy of being appropriate and the negative log-likelihood of the distance.
+
+With `--power` a and `--optimism` c it plays where p^a (m + c s) is largest, of probability p, distance m and spread s.
+Last comes how much what a point earns at first tells of a point some cells away on the grid of 32 x 32: a correlation.
 """
 
 from __future__ import annotations
@@ -13,15 +17,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import torch
 import tyro
+from torch import Tensor
 
 from creative_nao.agents import load_agent
 from creative_nao.agents.learned_map.episodes import N_ACTIONS, SimulatedEpisode, random_warp
-from creative_nao.agents.learned_map.training import judge
+from creative_nao.agents.learned_map.network import AttentiveMap, expected
+from creative_nao.agents.learned_map.training import Simulator, SupervisedMap, judge, losses
 from creative_nao.agents.learned_map.truth import MemoryTruth, read_truths
 from creative_nao.errors import SettingsError
+
+CELLS = 1, 2, 3, 4, 6, 8
+"""Distances of two points, in cells of 0.065."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +49,46 @@ class BoundSettings:
     """So many memories of a folder are played at most, evenly over it."""
     copies: int = 2
     """Symmetric copies of each memory that are played."""
+    power: float = 1.0
+    """Of the probability, where the map chooses."""
+    optimism: float = 0.0
+    """Weight of the spread, where the map chooses."""
+
+
+class Weighed:
+    """A learned map that weighs in another way: probability ^ `power` x (distance + `optimism` x spread)."""
+
+    def __init__(self, policy: AttentiveMap, power: float, optimism: float) -> None:
+        self.encode, self.ask = policy.encode, policy.decode
+        self.power, self.optimism = power, optimism
+
+    def decode(self, known: tuple[Any, ...], pb: Tensor) -> Tensor:
+        """Return what `AttentiveMap.decode` returns, with logit and distance replaced."""
+        told = self.ask(known, pb).clone()
+        probability, distance, spread = expected(told)
+        told[..., 0], told[..., 1] = (probability**self.power).logit(), distance + self.optimism * spread
+        return told
+
+
+def mean_losses(policy: AttentiveMap, truths: Sequence[MemoryTruth], n_batches: int = 40) -> tuple[float, ...]:
+    """Return cross-entropy and negative log-likelihood in simulated episodes without imagining, neither warped."""
+    simulator, found = Simulator(truths, SupervisedMap(imagined_share=0.0, warp=0.0)), []
+    with torch.inference_mode():
+        for seed in range(n_batches):
+            known, (queries, *truth) = simulator.batch(np.random.default_rng(seed))
+            found.append([term.item() for term in losses(policy(*known, queries), *truth)[:2]])
+    return tuple(np.mean(found, axis=0))
+
+
+def correlations(truths: Sequence[MemoryTruth]) -> list[float]:
+    """Return the correlation of what two points earn at first, `CELLS` apart along an axis, mean over memories."""
+    found = []
+    for truth in truths:
+        worth = SimulatedEpisode(truth, random_warp(2, np.random.default_rng(0)), np.arange(truth.form[1]))
+        grid = worth.worth(np.arange(len(truth.pb))).reshape(32, 32)
+        grid = (grid - grid.mean()) / grid.std()
+        found.append([((grid[n:] * grid[:-n]).mean() + (grid[:, n:] * grid[:, :-n]).mean()) / 2.0 for n in CELLS])
+    return np.mean(found, axis=0).tolist()
 
 
 def random_reward(truths: Sequence[MemoryTruth], n_episodes: int = 20) -> float:
@@ -57,18 +108,24 @@ def run(settings: BoundSettings) -> dict[str, dict[str, float]]:
         raise SettingsError(f"`most` and `copies` should be at least 1, but are {settings.most} and {settings.copies}")
     folders = {"trained on": settings.memories, "others": settings.validation_memories}
     found: dict[str, dict[str, float]] = {name: {} for name in settings.maps}
-    print("| memories | map | reward | of uniform sampling |\n| --- | --- | ---: | ---: |")
+    print("| memories | map | reward | of uniform sampling | cross-entropy | of the distance |")
+    print("| --- | --- | ---: | ---: | ---: | ---: |")
     for kind, folder in folders.items():
         truths = read_truths(folder)
         truths = truths[:: -(-len(truths) // settings.most)]
         uniform = random_reward(truths)
-        print(f"| {len(truths)} {kind} | uniform sampling | {uniform:.2f} | 1 |")
+        print(f"| {len(truths)} {kind} | uniform sampling | {uniform:.2f} | 1 | | |")
         for name in settings.maps:
-            policy = load_agent(name).policy  # pyright: ignore[reportAttributeAccessIssue]
-            rewards = np.reshape(judge(policy, truths, range(settings.copies)), (len(truths), -1)).mean(axis=1)
+            policy: Any = load_agent(name).policy  # pyright: ignore[reportAttributeAccessIssue]
+            player: Any = Weighed(policy, settings.power, settings.optimism)
+            rewards = np.reshape(judge(player, truths, range(settings.copies)), (len(truths), -1)).mean(axis=1)
             error = rewards.std(ddof=1) / np.sqrt(len(truths)) if len(truths) > 1 else np.nan
             found[name][kind] = float(rewards.mean() / uniform)
-            print(f"| {len(truths)} {kind} | {name} | {rewards.mean():.2f} +- {error:.2f} | {found[name][kind]:.3f} |")
+            told = f"| {len(truths)} {kind} | {name} | {rewards.mean():.2f} +- {error:.2f} | {found[name][kind]:.3f} |"
+            print(told, " | ".join(f"{one:.3f}" for one in mean_losses(policy, truths)), "|", flush=True)
+        if truths[0].n_units == 2:
+            told = (f"{n * 2 / 31:.2f}: {one:.2f}" for n, one in zip(CELLS, correlations(truths), strict=True))
+            print(f"Correlation of what points earn at first, by their distance in PB space: {', '.join(told)}.")
     return found
 
 
