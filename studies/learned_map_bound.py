@@ -8,8 +8,8 @@ sampling earns on the same memories, for some memories are richer than others. M
 second ratio up to the first at most, as long as the first does not rise too. Beside it stand two terms of its loss in
 simulated episodes: the cross-entropy of being appropriate and the negative log-likelihood of the distance.
 
-With `--power` a and `--optimism` c it plays where p^a (m + c s) is largest, of probability p, distance m and spread s.
-Last comes how much what a point earns at first tells of a point some cells away on the grid of 32 x 32: a correlation.
+With `--power` a it plays where p^a m is largest, of the probability p and the distance m that it expects. Last comes
+the correlation of what two points earn at the start of an episode, by their distance on the truth's grid of 32 x 32.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from creative_nao.agents.learned_map.truth import MemoryTruth, read_truths
 from creative_nao.errors import SettingsError
 
 CELLS = 1, 2, 3, 4, 6, 8
-"""Distances of two points, in cells of 0.065."""
+"""Distances of two points, in cells of the grid, which are 2 / 31 wide."""
 
 
 @dataclass(frozen=True)
@@ -50,28 +50,34 @@ class BoundSettings:
     copies: int = 2
     """Symmetric copies of each memory that are played."""
     power: float = 1.0
-    """Of the probability, where the map chooses."""
-    optimism: float = 0.0
-    """Weight of the spread, where the map chooses."""
+    """To which the probability is raised where the map chooses."""
 
 
-class Weighed:
-    """A learned map that weighs in another way: probability ^ `power` x (distance + `optimism` x spread)."""
+class RaisedProbability:
+    """A learned map that chooses by probability ^ `power` x distance."""
 
-    def __init__(self, policy: AttentiveMap, power: float, optimism: float) -> None:
-        self.encode, self.ask = policy.encode, policy.decode
-        self.power, self.optimism = power, optimism
+    def __init__(self, policy: AttentiveMap, power: float) -> None:
+        self.policy, self.power, self.encode = policy, power, policy.encode
 
     def decode(self, known: tuple[Any, ...], pb: Tensor) -> Tensor:
-        """Return what `AttentiveMap.decode` returns, with logit and distance replaced."""
-        told = self.ask(known, pb).clone()
-        probability, distance, spread = expected(told)
-        told[..., 0], told[..., 1] = (probability**self.power).logit(), distance + self.optimism * spread
+        """Return what `AttentiveMap.decode` returns, with the logit of the power."""
+        told = self.policy.decode(known, pb).clone()
+        told[..., 0] = (expected(told)[0] ** self.power).logit()
         return told
 
 
+def rewards(policy: Any, truths: Sequence[MemoryTruth], copies: int) -> np.ndarray:
+    """Return the mean reward of greedy episodes in each memory, (n_memories,)."""
+    return np.reshape(judge(policy, truths, range(copies)), (len(truths), copies)).mean(axis=1)
+
+
+def standard_error(values: np.ndarray) -> float:
+    """Return the standard error of the mean; of a single value, nan."""
+    return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else np.nan
+
+
 def mean_losses(policy: AttentiveMap, truths: Sequence[MemoryTruth], n_batches: int = 40) -> tuple[float, ...]:
-    """Return cross-entropy and negative log-likelihood in simulated episodes without imagining, neither warped."""
+    """Return cross-entropy and negative log-likelihood in simulated episodes without imagining or warps."""
     simulator, found = Simulator(truths, SupervisedMap(imagined_share=0.0, warp=0.0)), []
     with torch.inference_mode():
         for seed in range(n_batches):
@@ -81,11 +87,10 @@ def mean_losses(policy: AttentiveMap, truths: Sequence[MemoryTruth], n_batches: 
 
 
 def correlations(truths: Sequence[MemoryTruth]) -> list[float]:
-    """Return the correlation of what two points earn at first, `CELLS` apart along an axis, mean over memories."""
+    """Return the correlation of what two points earn at the start, `CELLS` apart along an axis; mean over memories."""
     found = []
     for truth in truths:
-        worth = SimulatedEpisode(truth, random_warp(2, np.random.default_rng(0)), np.arange(truth.form[1]))
-        grid = worth.worth(np.arange(len(truth.pb))).reshape(32, 32)
+        grid = np.where(truth.appropriate, truth.distances.min(axis=1), 0.0).reshape(32, 32)
         grid = (grid - grid.mean()) / grid.std()
         found.append([((grid[n:] * grid[:-n]).mean() + (grid[:, n:] * grid[:, :-n]).mean()) / 2.0 for n in CELLS])
     return np.mean(found, axis=0).tolist()
@@ -106,6 +111,8 @@ def run(settings: BoundSettings) -> dict[str, dict[str, float]]:
     """Print a table; return what each map earns on both folders in multiples of uniform sampling."""
     if settings.most < 1 or settings.copies < 1:
         raise SettingsError(f"`most` and `copies` should be at least 1, but are {settings.most} and {settings.copies}")
+    if not settings.power >= 0.0:
+        raise SettingsError(f"`power` should be at least 0, but is {settings.power}")
     folders = {"trained on": settings.memories, "others": settings.validation_memories}
     found: dict[str, dict[str, float]] = {name: {} for name in settings.maps}
     print("| memories | map | reward | of uniform sampling | cross-entropy | of the distance |")
@@ -117,11 +124,10 @@ def run(settings: BoundSettings) -> dict[str, dict[str, float]]:
         print(f"| {len(truths)} {kind} | uniform sampling | {uniform:.2f} | 1 | | |")
         for name in settings.maps:
             policy: Any = load_agent(name).policy  # pyright: ignore[reportAttributeAccessIssue]
-            player: Any = Weighed(policy, settings.power, settings.optimism)
-            rewards = np.reshape(judge(player, truths, range(settings.copies)), (len(truths), -1)).mean(axis=1)
-            error = rewards.std(ddof=1) / np.sqrt(len(truths)) if len(truths) > 1 else np.nan
-            found[name][kind] = float(rewards.mean() / uniform)
-            told = f"| {len(truths)} {kind} | {name} | {rewards.mean():.2f} +- {error:.2f} | {found[name][kind]:.3f} |"
+            earned = rewards(RaisedProbability(policy, settings.power), truths, settings.copies)
+            found[name][kind] = float(earned.mean() / uniform)
+            told = f"| {len(truths)} {kind} | {name} | {earned.mean():.2f} +- {standard_error(earned):.2f}"
+            told += f" | {found[name][kind]:.3f} |"
             print(told, " | ".join(f"{one:.3f}" for one in mean_losses(policy, truths)), "|", flush=True)
         if truths[0].n_units == 2:
             told = (f"{n * 2 / 31:.2f}: {one:.2f}" for n, one in zip(CELLS, correlations(truths), strict=True))

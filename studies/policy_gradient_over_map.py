@@ -20,11 +20,12 @@ from typing import Any
 import numpy as np
 import torch
 import tyro
+from learned_map_bound import rewards, standard_error
 
 from creative_nao.agents import load_agent
 from creative_nao.agents.learned_map.episodes import N_ACTIONS, SimulatedEpisode, network_inputs
 from creative_nao.agents.learned_map.network import AttentiveMap, expected
-from creative_nao.agents.learned_map.training import Simulator, SupervisedMap, judge, losses
+from creative_nao.agents.learned_map.training import Simulator, SupervisedMap, learning_rate, losses
 from creative_nao.agents.learned_map.truth import read_truths
 from creative_nao.errors import SettingsError
 
@@ -53,7 +54,7 @@ class GradientSettings:
     horizon: int = 30
     """How many later movements a movement is credited with; 0: none."""
     learning_rate: float = 2e-4
-    """Highest step size of AdamW: it rises over 20 updates and falls linearly."""
+    """Highest step size of AdamW, which rises and falls as in `SupervisedMap`."""
     copies: int = 4
     """Symmetric copies of each validation memory that are played."""
     seed: int = 0
@@ -75,8 +76,8 @@ def beyond_others(returns: np.ndarray) -> np.ndarray:
 
 def policy_loss(
     policy: AttentiveMap, simulator: Simulator, settings: GradientSettings, rng: np.random.Generator
-) -> Any:
-    """Play an update's episodes; return its loss and what an episode earned."""
+) -> tuple[torch.Tensor, float]:
+    """Play an update's episodes; return their loss, a scalar, and the mean reward of an episode."""
     begun = [simulator.begin(int(place), rng) for place in rng.integers(len(simulator.truths), size=GROUP)]
     episodes = [SimulatedEpisode(one.truth, one.warp, one.order) for one in begun for _ in range(GROUP)]
     points, kept = np.stack([one.warp(one.truth.pb) for one in episodes]), []
@@ -112,20 +113,20 @@ def run(settings: GradientSettings) -> list[float]:
     if settings.updates < 1 or settings.horizon < 0 or not settings.temperature > 0.0:
         raise SettingsError("`updates` should be at least 1, `horizon` at least 0, and `temperature` above 0")
     policy: Any = load_agent(settings.start).policy  # pyright: ignore[reportAttributeAccessIssue]
-    recipe = SupervisedMap(swapped_actions=(1, 0, 3, 2, 5, 4), imagined_share=0.0)
+    recipe = SupervisedMap(learning_rate=settings.learning_rate, swapped_actions=(1, 0, 3, 2, 5, 4), imagined_share=0.0)
     simulator, judged = Simulator(read_truths(settings.memories), recipe), read_truths(settings.validation_memories)
     average = copy.deepcopy(policy)
     optimiser = torch.optim.AdamW(policy.parameters(), settings.learning_rate, betas=(0.9, 0.98), weight_decay=0.0)
     torch.set_num_threads(1)  # so that sums are made in the same order everywhere
-    scores, earned = [np.reshape(judge(average, judged, range(settings.copies)), (len(judged), -1)).mean(axis=1)], []
-    print(f"before: {scores[0].mean():.2f}", flush=True)
+    before, earned = rewards(average, judged, settings.copies), []
+    print(f"before: {before.mean():.2f}", flush=True)
     for update in range(settings.updates):
         rng = np.random.default_rng([settings.seed, update])
         loss, reward = policy_loss(policy, simulator, settings, rng)
         known, (queries, *truth) = simulator.batch(rng)
         terms = losses(policy(*known, queries), *truth)
         for group in optimiser.param_groups:
-            group["lr"] = settings.learning_rate * min((update + 1) / 20, 1.0 - update / settings.updates)
+            group["lr"] = learning_rate(recipe, update, settings.updates)
         optimiser.zero_grad()
         (loss + terms[0] + terms[1] + recipe.basic_weight * terms[2]).backward()
         torch.nn.utils.clip_grad_norm_(policy.parameters(), recipe.max_grad_norm)
@@ -136,11 +137,10 @@ def run(settings: GradientSettings) -> list[float]:
         earned.append(reward)
         if (update + 1) % 20 == 0:
             print(f"{update + 1} updates, drawn actions on what it learns on: {np.mean(earned[-20:]):.2f}", flush=True)
-    scores.append(np.reshape(judge(average, judged, range(settings.copies)), (len(judged), -1)).mean(axis=1))
-    gain = scores[1] - scores[0]
-    error = gain.std(ddof=1) / np.sqrt(len(gain)) if len(gain) > 1 else np.nan
-    print(f"after: {scores[1].mean():.2f}, {gain.mean():+.2f} +- {error:.2f} over {len(gain)} memories")
-    return [float(one.mean()) for one in scores]
+    after = rewards(average, judged, settings.copies)
+    gain = after - before
+    print(f"after: {after.mean():.2f}, {gain.mean():+.2f} +- {standard_error(gain):.2f} over {len(gain)} memories")
+    return [float(before.mean()), float(after.mean())]
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ from creative_nao.agents.base import Agent, Context, MovementAgent, check_kind
 from creative_nao.agents.black_box import RandomAgent, sobol_points, uniform_points
 from creative_nao.agents.body_sense import shipped_sense
 from creative_nao.envs import Track
-from creative_nao.envs.episode_batch import EPISODE_ACTIONS
 from creative_nao.envs.rollout import held_in_turn
 from creative_nao.errors import SettingsError
 from creative_nao.measures import dtw_matrix
@@ -127,9 +126,8 @@ class BodySettings:
 class PlanningAgent(MovementAgent[S]):
     """Keeps every movement that it imagines and performs the one farthest from what is known by then.
 
-    A subclass says where to imagine in `where`, and what to perform without imagining in `untried`. Its settings tell
-    `first_share`, the part of the budget imagined, evenly spread (Sobol), before the first movement, and may tell
-    `long_first_share`, the same in episodes of more than 30 movements; the rest is imagined in equal parts before each.
+    A subclass says where to imagine in `where`, and what to perform without imagining in `untried`. `first_share` of
+    the budget is imagined, evenly spread (Sobol), before the first movement, the rest in equal parts before each.
     Where the robot performs in physics, `body` tells how the agent heeds what the body may refuse.
     Where a movement takes several decisions, it may be of `n_segments` PB vectors, held in turn
     (`envs.rollout.held_in_turn`); a point is then all of them, n_segments * n_pb values.
@@ -145,7 +143,6 @@ class PlanningAgent(MovementAgent[S]):
     def start(self, context: Context) -> None:
         """Imagine the first share."""
         super().start(context)
-        settings: Any = self.settings
         if self.n_segments > context.n_decisions:
             told = f"{self.n_segments} PB vectors, but decisions of a movement here: {context.n_decisions}"
             raise SettingsError(f"agent `{self.name}` holds in turn {told}; in CreativeNao/BoxingModulation-v0: 10")
@@ -159,14 +156,16 @@ class PlanningAgent(MovementAgent[S]):
         self._pool_pb: list[np.ndarray] = []
         self._pool: list[np.ndarray] = []
         self._distances = self._accepted = np.empty(0)
-        is_long = self._n_left > EPISODE_ACTIONS and hasattr(settings, "long_first_share")
-        first_share = settings.long_first_share if is_long else settings.first_share
-        n_first = round(first_share * context.n_imagined_left)
+        n_first = round(self.first_share() * context.n_imagined_left)
         space, n = context.action_space, self.n_segments
         self._point_context = replace(context, action_space=Box(np.tile(space.low, n), np.tile(space.high, n)))
         self._spread = iter(sobol_points(self._point_context, max(n_first, self._n_left)))
         if n_first:
             self.imagine(np.array([next(self._spread) for _ in range(n_first)]))
+
+    def first_share(self) -> float:
+        """Return the part of the budget that is imagined before the first movement: a setting."""
+        return self.settings.first_share  # pyright: ignore[reportAttributeAccessIssue]
 
     def choose(self, observation: np.ndarray) -> np.ndarray:
         """Return the PB vector of the movement, or of this decision in it, shape (n_pb,)."""
@@ -214,9 +213,8 @@ class PlanningAgent(MovementAgent[S]):
         self._is_imagined = False
         n = self.context.n_imagined_left // self._n_left
         n_simulated = min(self._n_simulated, max(n - 1, 0))
-        n -= n_simulated
         if n:
-            self.imagine(self.where(n))
+            self.imagine(self.where(n - n_simulated))
         for n_left in range(n_simulated, -1, -1):
             if (place := self.best()) is None:
                 break

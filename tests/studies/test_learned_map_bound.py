@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 import torch
-from learned_map_bound import BoundSettings, Weighed, run
+from learned_map_bound import BoundSettings, RaisedProbability, correlations, run
 
 from creative_nao.agents import load_agent
 from creative_nao.agents.learned_map.network import expected
-from creative_nao.agents.learned_map.truth import kept_truth, truth_file
+from creative_nao.agents.learned_map.truth import kept_truth, memory_truth, truth_file
 from creative_nao.errors import SettingsError
 from creative_nao.model import load_memory
 
@@ -31,13 +31,24 @@ def test_nothing_to_play_is_refused(tmp_path):
         run(BoundSettings((), tmp_path, tmp_path, most=0))
 
 
-def test_probability_and_spread_are_weighed():
+def test_a_negative_power_is_refused(tmp_path):
+    with pytest.raises(SettingsError, match=r"`power` should be at least 0, but is -1.0"):
+        run(BoundSettings((), tmp_path, tmp_path, power=-1.0))
+
+
+def test_neighbours_correlate_more_than_distant_points():
+    near, *_, far = correlations([memory_truth(load_memory("half/10"))])
+    assert 0.3 < near < 0.9
+    assert far < near - 0.2
+
+
+def test_the_probability_is_raised():
     policy: Any = load_agent("learned_map/BoxingMental-v1").policy  # pyright: ignore[reportAttributeAccessIssue]
     pb = torch.rand(1, 5, 2, generator=torch.Generator().manual_seed(0)) * 2.0 - 1.0
     known = policy.encode(torch.zeros(1, 6, 2), torch.zeros(1, 0, policy.columns[-1].stop), torch.zeros(1, 0))
     with torch.inference_mode():
         probability, distance, spread = expected(policy.decode(known, pb))
-        again = expected(Weighed(policy, 1.0, 0.0).decode(known, pb))
-        other = expected(Weighed(policy, 0.5, 2.0).decode(known, pb))
+        again = expected(RaisedProbability(policy, 1.0).decode(known, pb))
+        other = expected(RaisedProbability(policy, 0.5).decode(known, pb))
     torch.testing.assert_close(again, (probability, distance, spread))
-    torch.testing.assert_close(other, (probability.sqrt(), distance + 2.0 * spread, spread))
+    torch.testing.assert_close(other, (probability.sqrt(), distance, spread))

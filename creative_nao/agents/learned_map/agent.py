@@ -11,6 +11,7 @@ from creative_nao.agents.base import Context
 from creative_nao.agents.black_box import learned_points
 from creative_nao.agents.learned_map.truth import spread_points
 from creative_nao.agents.rehearsal import BodySettings, PlanningAgent
+from creative_nao.envs.episode_batch import EPISODE_ACTIONS
 from creative_nao.envs.observation import try_columns
 from creative_nao.errors import SettingsError
 from creative_nao.measures import reward_scale
@@ -106,10 +107,8 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
         """Begin with the learned points."""
         self._points = learned_points(context, self.name)
         if self._points.shape != (form := (self._map.n_basic, *self._map.action_space.shape)):
-            told = "learned points (basic actions, PB units) of shape"
-            raise SettingsError(
-                f"agent `{self.name}` was trained with {told} {form}, but these are {self._points.shape}"
-            )
+            told = f"learned points (basic actions, PB units) of shape {form}, but these are {self._points.shape}"
+            raise SettingsError(f"agent `{self.name}` was trained with {told}")
         self._points = np.tile(self._points, (1, self.n_segments))
         self._unit = reward_scale(context.demonstrations)
         self._columns = {part.name: part for part in try_columns(*self._points.shape)}
@@ -119,6 +118,10 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
         """Rows of movements imagined and not performed, and their places in the pool."""
         self._n_pooled = 0
         super().start(context)
+
+    def first_share(self) -> float:
+        """Return the part of the budget that is imagined before the first movement; of long episodes another."""
+        return self.settings.long_first_share if self._n_left > EPISODE_ACTIONS else self.settings.first_share
 
     def expect(self, pb: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return what it expects of PB points (n, n_pb) now: probability of being appropriate, distance, spread, (n,).
@@ -134,10 +137,10 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
     def where(self, n: int) -> np.ndarray:
         """Return the best of points shifted at random within their cells, best first, then local ones, (n, n_pb)."""
         n_pb, rng = self._points.shape[1], self.context.rng
-        n_local = 0 if self.best() is None else max(n - self.settings.n_expected, 0)
+        n_local = 0 if (place := self.best()) is None else max(n - self.settings.n_expected, 0)
         spread = self._candidates if n <= len(self._candidates) else spread_points(n_pb, 2 * n)
         shift = cell(len(spread), n_pb, self.n_segments if n == 1 else 1) * rng.uniform(-0.5, 0.5, spread.shape)
-        best = 0.0 if (place := self.best()) is None else float(self._distances[place]) / self._unit
+        best = 0.0 if place is None else float(self._distances[place]) / self._unit
         candidates = np.clip(spread + shift, -1.0, 1.0).astype(np.float32)
         n_refined = self.settings.n_refined if n == 1 else 0  # else all would lie around the best
         pb, values = refined(self._map.expect(self._points, *self.rows()), candidates, n_refined, best, self.n_segments)
@@ -150,8 +153,7 @@ class LearnedMapAgent(PlanningAgent[LearnedMapSettings]):
         Those performed stand last, in the order of time. The reward of one that was imagined is what it is worth now.
         """
         n_kept = min(len(self._imagined), max(MAX_ROWS - len(self._performed), 0))
-        imagined = [*self._imagined.values()]
-        rows = []
+        imagined, rows = [*self._imagined.values()], []
         for one in np.linspace(0, len(imagined) - 1, n_kept).round().astype(np.int64):
             row, place = imagined[one]
             if place is not None:
