@@ -1,14 +1,16 @@
 """The bound of the learned map: both folders are played, and compared with uniform sampling."""
 
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from learned_map_bound import BoundSettings, RaisedProbability, correlations, run
 
 from creative_nao.agents import load_agent
 from creative_nao.agents.learned_map.network import expected
-from creative_nao.agents.learned_map.truth import kept_truth, memory_truth, truth_file
+from creative_nao.agents.learned_map.truth import kept_truth, truth_file
 from creative_nao.errors import SettingsError
 from creative_nao.model import load_memory
 
@@ -36,10 +38,10 @@ def test_a_negative_power_is_refused(tmp_path):
         run(BoundSettings((), tmp_path, tmp_path, power=-1.0))
 
 
-def test_neighbours_correlate_more_than_distant_points():
-    near, *_, far = correlations([memory_truth(load_memory("half/10"))])
-    assert 0.3 < near < 0.9
-    assert far < near - 0.2
+def test_points_of_one_colour_on_a_chessboard_correlate():
+    colour = np.indices((32, 32)).sum(axis=0).reshape(-1, 1) % 2
+    board: Any = SimpleNamespace(appropriate=np.ones(1024, bool), distances=colour + np.array([1.0, 5.0]))
+    assert correlations([board]) == pytest.approx([-1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
 
 
 def test_the_probability_is_raised():
